@@ -92,9 +92,8 @@ LIVE_RUN = Run(live=True)
 GRAPH_RUN = Run(stopped=START_TIME, well=True, live=True)
 BESIDE_LABORATORY = Run(beside=f"{ANKLE} up simulated", live=True)
 BESIDE_RIG = Run(beside=f"{ANKLE} up rig --emulator", live=True)
-WITHOUT_FOOT = "-p I:=0.004 -p B:=0.0 -p K:=0.0 -p G:=0.0"
 BESIDE_PLATE = Run(
-    beside=f"{ANKLE} run ankle_sim ankle_sim --ros-args {WITHOUT_FOOT}",
+    beside=f"{ANKLE} up {ROOT / 'test' / 'plate_to_calibrate.yaml'}",
     patience=LONG_PATIENCE,
     live=True,
 )

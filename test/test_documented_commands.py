@@ -6,6 +6,7 @@ import importlib.util
 import re
 import subprocess
 import sys
+from datetime import datetime, timezone
 from itertools import pairwise
 
 import pytest
@@ -16,6 +17,7 @@ from ankle_bringup.command_line import app, load_verb, verb_names
 from ankle_bringup.executables import declared_parameters, find_executable
 from ankle_bringup.graph import load_graph
 from ankle_interfaces.topics import TOPICS
+from ankle_physics.rig_file import RigFile
 
 ALL = [(page.relative_to(ROOT), line) for page in PAGES for line in commands(page)]
 ANKLE = ".venv/bin/ankle"
@@ -47,7 +49,7 @@ def test_nothing_but_these_programs_is_documented():
 
 
 @pytest.mark.parametrize(("page", "line"), is_of(ANKLE))
-def test_every_documented_verb_takes_the_documented_options(page, line):
+def test_every_documented_verb_takes_the_documented_options(page, line, tmp_path):
     words = words_of(line)[1:]
     if words[0].startswith("--"):
         assert words[0] in CliRunner().invoke(app, ["--help"]).output
@@ -63,17 +65,21 @@ def test_every_documented_verb_takes_the_documented_options(page, line):
     known = {option for parameter in command.params for option in parameter.opts} | {"--help"}
     assert options_of(rest) <= known, f"{page}: {line}"
     if words[0] == "up":
-        check_graph(rest)
+        check_graph(rest, tmp_path)
     if words[0] == "params" and len(rest) > 1:
         check_parameter(rest[0], rest[1])
 
 
-def check_graph(words):
+def check_graph(words, folder):
     """A graph and what is set in it exist."""
+    rig = folder / "rig.yaml"
+    RigFile("documented", datetime(2026, 1, 1, tzinfo=timezone.utc)).save(rig)
     graph = load_graph("simulated" if not words or words[0].startswith("-") else words[0])
     settings = [value for option, value in pairwise(words) if option == "--set"]
     # The line to a rig that the reader has written in the step before is in the reader's tree only.
-    graph.with_settings([setting.replace("link=ethercat", "link=udp") for setting in settings])
+    settings = [setting.replace("link=ethercat", "link=udp") for setting in settings]
+    # As is the rig file that is emulated.
+    graph.with_settings([setting.replace("hidden.yaml", str(rig)) for setting in settings])
 
 
 def check_node(words):

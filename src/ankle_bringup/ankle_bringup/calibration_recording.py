@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+GENERATOR = "perturbation_generator"
+LABORATORY = "'ankle up rig_to_calibrate', whose generator waits for the calibration"
+RECORDED_AFTER = 3.0
+"""[s] Time for which the recording goes on after the last movement: the reference is sent up to 1 s
+ahead, and a request takes some tenths of a second."""
+STATE_SECONDS = 3.0
+"""[s] Time for a rig's state to arrive, which is kept for whoever asks: twice a discovery."""
 RECORDER_SECONDS = 60.0
 """[s] Time for a recorder to start: 2 s, and half a minute on a busy computer."""
 RIG_SECONDS = 5.0
@@ -44,7 +55,8 @@ def require_running(namespace: str, moving: bool = False) -> None:
             if time.monotonic() > deadline:
                 raise RunError(
                     f"no rig runs: nobody publishes '{topic}' within {RIG_SECONDS:g} s; start one "
-                    "('ankle up rig'), or name its --namespace"
+                    "('ankle up rig'; to calibrate it, 'ankle up rig_to_calibrate'), or name its "
+                    "--namespace"
                 )
             time.sleep(0.1)
         if moving and not echo(node, topic, lambda text: None, 1, RIG_SECONDS):
@@ -55,13 +67,15 @@ def require_running(namespace: str, moving: bool = False) -> None:
 
 
 @contextmanager
-def recorded_into(bag: Path) -> Iterator[None]:
+def recorded_into(bag: Path, whole: bool = False) -> Iterator[None]:
     """Remove the bag of this recording where it holds no samples, however the recording ended.
 
     Parameters
     ----------
     bag
         Place of the new bag.
+    whole
+        Whether a part of the recording is of no use, and is removed as well.
 
     Raises
     ------
@@ -72,12 +86,13 @@ def recorded_into(bag: Path) -> Iterator[None]:
 
     from ankle_bringup.errors import RunError
 
-    empty = False
+    empty, ended_well = False, False
     try:
         yield
+        ended_well = True
     finally:
         empty = bag.exists() and not _holds_samples(bag)
-        if empty:
+        if empty or (whole and not ended_well and bag.exists()):
             shutil.rmtree(bag)
     if empty:
         raise RunError(f"no samples came while {bag} was recorded, so that it is removed again")
@@ -98,7 +113,124 @@ def _holds_samples(bag: Path) -> bool:
     )
 
 
-def record_session(bag: Path, seconds: float, namespace: str) -> None:
+def record_rig(bag: Path, amplitude: float, namespace: str) -> None:
+    """Record the movements that calibrate a rig, of a running laboratory whose generator waits.
+
+    Parameters
+    ----------
+    bag
+        Place of the new bag.
+    amplitude
+        Largest distance of the plate from rest [rad].
+    namespace
+        Of the laboratory.
+
+    Raises
+    ------
+    RunError
+        The rig is not started or stops meanwhile, no generator waits for the request or it refuses
+        the amplitude, or as `record_session`.
+    """
+    import rclpy
+
+    from ankle_bringup.errors import RunError
+    from ankle_bringup.live_graph import observer, set_parameter, trigger
+    from perturbation_generator.rig_calibration import DURATION
+
+    with observer(own_signals=True, namespace=namespace) as node:
+        states = rig_states(node)
+        require_state(states, node)
+        try:
+            set_parameter(node, GENERATOR, "amplitude", f"{amplitude:g}")
+        except RunError as error:
+            raise RunError(f"{error}; start a laboratory with {LABORATORY}") from None
+
+        def move() -> None:
+            done, sentence = trigger(node, GENERATOR, "perturb")
+            if not done:
+                raise RunError(f"{GENERATOR}: {sentence}; start a laboratory with {LABORATORY}")
+
+        def follow() -> None:
+            rclpy.spin_once(node, timeout_sec=0.0)
+            require_state(states)
+
+        what = "the plate moves, keep away from it"
+        record_session(bag, DURATION + RECORDED_AFTER, namespace, what, move, follow)
+
+
+def rig_states(node: Node) -> list[str]:
+    """Return the states of the rig, a list that grows while the node receives.
+
+    Parameters
+    ----------
+    node
+        Receives them.
+    """
+    from std_msgs.msg import String
+
+    from ankle_interfaces.topics import RIG_STATE
+    from ankle_node.node import LATEST_QOS
+
+    states: list[str] = []
+
+    def receive(message: Any) -> None:
+        states.append(str(message.data))
+
+    node.create_subscription(String, RIG_STATE.name, receive, LATEST_QOS)
+    return states
+
+
+def await_state(states: list[str], node: Node) -> None:
+    """Wait for the first state of a rig, where one states it.
+
+    Parameters
+    ----------
+    states, node
+        As of `rig_states`.
+    """
+    import time
+
+    import rclpy
+
+    deadline = time.monotonic() + STATE_SECONDS
+    while not states and time.monotonic() < deadline:
+        rclpy.spin_once(node, timeout_sec=0.1)
+
+
+def require_state(states: list[str], node: Node | None = None) -> None:
+    """Refuse a rig that says that it does not follow the reference.
+
+    Parameters
+    ----------
+    states
+        Of the rig, as `rig_states` gives them.
+    node
+        Where the first state may still be on its way; None: it is not waited for.
+
+    Raises
+    ------
+    RunError
+        Names the state of the rig.
+    """
+    from ankle_bringup.errors import RunError
+
+    if node is not None:
+        await_state(states, node)
+    if states and not states[-1].startswith("running"):
+        raise RunError(
+            f"the rig does not follow the perturbation, its state is '{states[-1]}': arm and start "
+            "it ('ankle rig arm', 'ankle rig start'), or calibrate on the operator's page"
+        )
+
+
+def record_session(
+    bag: Path,
+    seconds: float,
+    namespace: str,
+    what: str = "recording the running session",
+    begun: Callable[[], None] = lambda: None,
+    follow: Callable[[], None] = lambda: None,
+) -> None:
     """Record the running graph, counted from when the recorder is ready.
 
     Parameters
@@ -109,6 +241,11 @@ def record_session(bag: Path, seconds: float, namespace: str) -> None:
         Length of the recording [s].
     namespace
         Of the laboratory.
+    what
+        Words at the progress.
+    begun, follow
+        Called once the recorder is ready, and a few times a second from then on; what they raise
+        ends the recording.
 
     Raises
     ------
@@ -138,7 +275,7 @@ def record_session(bag: Path, seconds: float, namespace: str) -> None:
             Processes(
                 Graph("a recorder", (recorder,)).in_namespace(namespace), Path(logs)
             ) as processes,
-            progress(f"recording {seconds:g} s of the running session") as show,
+            progress(f"{what}, {seconds:g} s") as show,
         ):
             started = time.monotonic()
             while not bag.exists():
@@ -147,8 +284,10 @@ def record_session(bag: Path, seconds: float, namespace: str) -> None:
                     raise RunError(f"no recording has begun within {RECORDER_SECONDS:g} s")
                 time.sleep(0.1)
             began = time.monotonic()
+            begun()
             while (passed := time.monotonic() - began) < seconds:
                 processes.ended("")
+                follow()
                 show(passed / seconds)
                 time.sleep(0.25)
     except KeyboardInterrupt:

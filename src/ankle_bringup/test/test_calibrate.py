@@ -14,7 +14,7 @@ from std_msgs.msg import String
 from typer.testing import CliRunner
 
 from ankle_bringup import calibration_recording, live_graph
-from ankle_bringup.calibration_recording import recorded_into
+from ankle_bringup.calibration_recording import recorded_into, require_state
 from ankle_bringup.command_line import app
 from ankle_bringup.errors import RunError
 from ankle_bringup.verbs import calibrate
@@ -140,6 +140,10 @@ def test_a_recording_without_samples_leaves_no_bag(tmp_path):
             record(bag, seconds)
             raise KeyboardInterrupt
         assert bag.exists() is left
+    with suppress(RunError), recorded_into(tmp_path / "plate", whole=True):
+        record(tmp_path / "plate", 1.0)
+        raise RunError("the rig was stopped")
+    assert not (tmp_path / "plate").exists()
 
 
 @pytest.mark.live
@@ -150,6 +154,14 @@ def test_without_a_rig_nothing_is_recorded_and_the_refusal_comes_soon(verb, tmp_
     refused = ankle("calibrate", verb, "--namespace", "nobody")
     assert "no rig runs: nobody publishes '/nobody/ankle/samples'" in str(refused.exception)
     assert [*tmp_path.iterdir()] == []
+
+
+@pytest.mark.parametrize("state", ["armed", "ready: stopped by the operator", "fault: encoder"])
+def test_a_rig_that_does_not_follow_is_not_calibrated(state):
+    with pytest.raises(RunError, match=f"its state is '{state}': arm and start it"):
+        require_state(["running", state])
+    require_state([state, "running"])
+    require_state([])  # a rig that states nothing
 
 
 @pytest.fixture
@@ -177,8 +189,8 @@ def test_an_ended_wait_for_the_estimator_says_so_and_names_the_fault(
         heard.append(listen(node))
         return heard[0]
 
-    listen = calibrate._rig_states
-    monkeypatch.setattr(calibrate, "_rig_states", states)
+    listen = calibrate.rig_states
+    monkeypatch.setattr(calibrate, "rig_states", states)
 
     def end():
         # The model is waited for as soon as the first message arrives.

@@ -8,7 +8,9 @@ from dataclasses import replace
 
 from ankle_interfaces.quantity import Quantity
 from ankle_physics.actuator import Servo
+from ankle_physics.errors import ModelError
 from ankle_physics.model import PAPER_TERMS, Entry, Model
+from ankle_physics.rig_file import RigFile
 from ankle_physics.sensors import SignalToNoise
 from ankle_physics.term import Parameter
 
@@ -16,6 +18,15 @@ MODEL = Quantity(
     "model",
     default="",
     description="Model file (YAML); empty: the model of van 't Veld et al. 2018, figure 1.",
+    start_only=True,
+)
+FOOT = Quantity(
+    "foot",
+    default=True,
+    description=(
+        "Whether a foot is on the plate; false: the plate alone, as a rig is calibrated, which "
+        "needs the parameter rig."
+    ),
     start_only=True,
 )
 TERMS = Quantity(
@@ -42,6 +53,7 @@ RIG = Quantity(
 _PAPER_RATIOS = SignalToNoise()
 RIG_PARAMETERS = (
     MODEL,
+    FOOT,
     TERMS,
     SCENARIO,
     RIG,
@@ -136,6 +148,27 @@ RIG_PARAMETERS = (
     ),
 )
 VOLUNTARY_TORQUE = "voluntary_torque"
+
+
+def plate_alone(rig: str) -> Model:
+    """Return the model of a rig without a foot on its plate.
+
+    Parameters
+    ----------
+    rig
+        Of the rig file.
+
+    Raises
+    ------
+    ModelError
+        No rig file is named, or it is refused.
+    """
+    if not rig:
+        raise ModelError(
+            "foot = false needs the parameter rig with a rig file: without it the plate has no "
+            "inertia, and there is nothing to be seen"
+        )
+    return RigFile.load(rig).twin(with_voluntary_torque(Model.of({}, "plate without a foot")))
 
 
 def with_voluntary_torque(model: Model) -> Model:

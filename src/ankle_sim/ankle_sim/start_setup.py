@@ -7,6 +7,7 @@ from typing import Any
 
 from ankle_interfaces.quantity import Quantity
 from ankle_physics.actuator import Servo
+from ankle_physics.errors import ModelError
 from ankle_physics.model import Model
 from ankle_physics.own_terms import load_terms
 from ankle_physics.rig_file import RigFile
@@ -15,12 +16,14 @@ from ankle_physics.sensors import SignalToNoise
 from ankle_sim.live_rig import Setup
 from ankle_sim.live_subject import subject_model
 from ankle_sim.parameters import (
+    FOOT,
     MODEL,
     RIG,
     RIG_PARAMETERS,
     SCENARIO,
     TERMS,
     model_parameters,
+    plate_alone,
     with_voluntary_torque,
 )
 from ankle_sim.procedure import PlannedHold, some_holds
@@ -34,15 +37,19 @@ from ankle_sim.subject_parameters import (
 )
 from ankle_sim.virtual_subject import State, draw_subject
 
-MODEL_CHOICE = (MODEL, TERMS, SUBJECT, RIG)
+MODEL_CHOICE = (MODEL, FOOT, TERMS, SUBJECT, RIG)
 """Parameters that choose the model, on which the declaration of its own parameters depends."""
 
 
 def make_model(values: Mapping[str, Any]) -> Model:
-    """Make the model that the parameters `model`, `subject`, `terms` and `rig` name."""
+    """Make the model that the parameters `model`, `foot`, `subject`, `terms` and `rig` name."""
     load_terms(str(values.get(TERMS.name, "")))
     path, subject = str(values.get(MODEL.name, "")), int(values.get(SUBJECT.name, 0))
     rig = str(values.get(RIG.name, ""))
+    if not values.get(FOOT.name, True):
+        if path or subject:
+            raise ModelError("foot = false leaves out 'model' and 'subject'; give neither")
+        return plate_alone(rig)
     if path:
         model = with_voluntary_torque(Model.load(path))
     elif subject:

@@ -1,9 +1,13 @@
 """What the node's start values make of rig, joint and subject."""
 
+from datetime import datetime, timezone
+
 import numpy as np
 import pytest
 
 from ankle_physics.errors import ModelError
+from ankle_physics.model import Model
+from ankle_physics.rig_file import RigFile
 from ankle_sim.live_rig import LiveRig
 from ankle_sim.parameters import VOLUNTARY_TORQUE
 from ankle_sim.start_setup import (
@@ -41,6 +45,19 @@ def test_a_subject_brings_its_own_joint_and_its_holds():
     assert len(holds) == 6
     assert holds[0].end - holds[0].start == pytest.approx(2.0)
     assert state_from(values).cocontraction == 0.8
+
+
+def test_a_plate_without_a_foot_has_what_the_rig_file_says_and_no_joint(tmp_path):
+    rig = tmp_path / "rig.yaml"
+    terms = Model.of({"footplate_inertia": {"Ip": 0.0042}})
+    RigFile("a", datetime(2026, 1, 1, tzinfo=timezone.utc), model=terms).save(rig)
+    model = make_model({"foot": False, "rig": str(rig)})
+    assert model.entry("footplate_inertia").values["Ip"] == 0.0042
+    assert not any(model.has(name) for name in ("inertia", "stiffness", "reflex"))
+    with pytest.raises(ModelError, match="needs the parameter rig"):
+        make_model({"foot": False})
+    with pytest.raises(ModelError, match="give neither"):
+        make_model({"foot": False, "rig": str(rig), "subject": 2})
 
 
 def test_a_model_file_that_is_not_there_is_named(tmp_path):

@@ -87,7 +87,10 @@ BODY_MASS = Quantity(
 RIG_FILE = Quantity(
     "rig_file",
     default="",
-    description="Calibration of the rig (rig.yaml) that the check list reads.",
+    description=(
+        "Calibration of the rig (rig.yaml) that the check list reads, and that a protocol which "
+        "calibrates the rig writes; empty: none, and for that protocol ~/.local/state/ankle."
+    ),
     start_only=True,
 )
 RIG_CALIBRATION_DAYS = Quantity(

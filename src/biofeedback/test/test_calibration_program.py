@@ -1,4 +1,4 @@
-"""The program that calibrates a session in the background, and the file that it writes."""
+"""The programs that calibrate a session or a rig in the background, and what they write."""
 
 import json
 import sys
@@ -10,7 +10,9 @@ from laboratory import until
 
 from biofeedback.errors import CommandError
 from biofeedback.session.calibration_files import subject_file_of
-from biofeedback.session.calibration_program import CalibrationProgram
+from biofeedback.session.protocol import RigMovement
+from biofeedback.session.rig_calibration_program import RigCalibrationProgram
+from biofeedback.session.session_calibration_program import SessionCalibrationProgram
 
 PROGRAM = """
 import json, pathlib, sys, time
@@ -21,10 +23,20 @@ pathlib.Path(str(out) + ".words").write_text(json.dumps(words))
 """
 
 
-def program(folder, act):
+def written(folder, act):
     path = folder / "program.py"
     path.write_text(PROGRAM.format(act=act))
-    return CalibrationProgram(folder / "S07.yaml", "rig.yaml", "/left", (sys.executable, str(path)))
+    return sys.executable, str(path)
+
+
+def program(folder, act):
+    called = written(folder, act)
+    return SessionCalibrationProgram(folder / "S07.yaml", "rig.yaml", "/left", called)
+
+
+def rig_program(folder, act, spring=0.0):
+    movement = RigMovement(0.03, spring, "laboratory 2")
+    return RigCalibrationProgram(folder / "rig.yaml", movement, "left", written(folder, act))
 
 
 def end_of(calibration):
@@ -34,7 +46,7 @@ def end_of(calibration):
 
 
 def test_the_programs_result_is_read(tmp_path):
-    printed = json.dumps({"effects": [{"name": "tissue_friction"}]})
+    printed = json.dumps({"effects": [{"name": "tissue_friction"}], "warnings": ["I is 0"]})
     # It records once it is told to, and ends so, too: its begin is not to be missed.
     told, ended = tmp_path / "record", tmp_path / "end"
     act = (
@@ -55,11 +67,12 @@ def test_the_programs_result_is_read(tmp_path):
     ended.touch()
     end = end_of(calibration)
     assert end.problem == ""
-    assert end.figures == {"found": "tissue friction"}
+    assert end.figures == {"found": "tissue friction", "warning": "I is 0"}
     assert not calibration.running
     words = json.loads((tmp_path / "S07.yaml.words").read_text())
     assert words[:2] == ["calibrate", "session"]
-    for option, value in {"--seconds": "90", "--rig": "rig.yaml", "--namespace": "left"}.items():
+    given = {"--seconds": "90", "--rig": str(Path("rig.yaml").resolve()), "--namespace": "left"}
+    for option, value in given.items():
         assert words[words.index(option) + 1] == value
 
 
@@ -83,23 +96,67 @@ def test_a_program_that_is_cancelled_ends(tmp_path):
     assert not calibration.running
 
 
-def test_the_options_are_those_of_the_command():
+CALIBRATED_RIG = (
+    'out.write_text("new")\n'
+    'print(json.dumps({"found": {"servo": "31 Hz"}, "remarks": ["mount a spring"]}))'
+)
+
+
+def test_a_rig_file_is_replaced_by_a_calibration_that_went_well_and_kept_beside_it(tmp_path):
+    rig = tmp_path / "rig.yaml"
+    rig.write_text("old")
+    failed = rig_program(tmp_path, "out.write_text('half'); sys.exit('error: a foot is on it')")
+    failed.begin(122.0)
+    assert "a foot is on it" in end_of(failed).problem
+    assert rig.read_text() == "old"
+    calibration = rig_program(tmp_path, CALIBRATED_RIG)
+    calibration.begin(122.0)
+    assert calibration.recording
+    assert "keep away" in calibration.progress()
+    end = end_of(calibration)
+    assert end.problem == ""
+    assert end.figures == {"servo": "31 Hz", "note": "mount a spring", "file": str(rig)}
+    assert rig.read_text() == "new"
+    (before,) = tmp_path.glob("rig_calibration_*/before.yaml")
+    assert before.read_text() == "old"
+    words = json.loads((before.parent / "rig.yaml.words").read_text())
+    assert words[:2] == ["calibrate", "rig"]
+    given = {"--amplitude": "0.03", "--title": "laboratory 2", "--namespace": "left"}
+    for option, value in given.items():
+        assert words[words.index(option) + 1] == value
+    assert "--spring" not in words
+
+
+def test_a_spring_completes_the_rig_file_that_is_there(tmp_path):
+    calibration = rig_program(tmp_path, CALIBRATED_RIG, spring=110.0)
+    with pytest.raises(CommandError, match="calibrate the rig with its plate empty first"):
+        calibration.begin(122.0)
+    (tmp_path / "rig.yaml").write_text("empty plate")
+    calibration.begin(122.0)
+    assert end_of(calibration).problem == ""
+    (words,) = (json.loads(p.read_text()) for p in tmp_path.glob("rig_calibration_*/*.words"))
+    assert words[words.index("--spring") + 1] == "110"
+    assert words[words.index("--beside") + 1] == str(tmp_path / "rig.yaml")
+
+
+BOTH = ("--out", "--bag", "--namespace", "--json", "--overwrite")
+
+
+@pytest.mark.parametrize(
+    ("what", "options"),
+    [
+        ("session", ("--no-hand-over", "--seconds", "--report", "--rig")),
+        ("rig", ("--title", "--amplitude", "--spring", "--beside")),
+    ],
+)
+def test_the_options_are_those_of_the_command(what, options):
     from typer.testing import CliRunner
 
     from ankle_bringup.command_line import app
 
-    words = ["calibrate", "session", "--help"]
+    words = ["calibrate", what, "--help"]
     shown = CliRunner().invoke(app, words, env={"TERMINAL_WIDTH": "200"})
-    for option in (
-        "--no-hand-over",
-        "--seconds",
-        "--out",
-        "--bag",
-        "--report",
-        "--rig",
-        "--namespace",
-        "--json",
-    ):
+    for option in (*BOTH, *options):
         assert option in shown.output
 
 

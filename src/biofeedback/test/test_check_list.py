@@ -210,7 +210,9 @@ def test_what_files_answer_needs_no_hand(tmp_path):
 
 
 def test_the_shipped_visit_has_the_whole_check_list():
-    assert load_protocol("visit").check_list == tuple(CHECKS)
+    of_a_rig = {"no_foot_on_plate", "spring_on_plate", "calibrate_rig"}
+    whole = tuple(name for name in CHECKS if name not in of_a_rig)
+    assert load_protocol("visit").check_list == whole
     assert load_protocol("visit").holds == load_protocol("van_t_veld_2018").holds
 
 

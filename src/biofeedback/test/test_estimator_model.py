@@ -10,9 +10,9 @@ from laboratory import until
 from ankle_physics import term
 from ankle_physics.model import Model
 from biofeedback.errors import CommandError
-from biofeedback.session.calibration_step import TAKEOVER_PATIENCE
 from biofeedback.session.check_list import DONE, FAILED, RUNNING
 from biofeedback.session.estimator_model import ModelOfEstimator, stated_model
+from biofeedback.session.session_calibration_step import TAKEOVER_PATIENCE
 
 
 def test_the_baseline_waits_until_the_estimator_uses_the_model(visit):

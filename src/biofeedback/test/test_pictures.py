@@ -7,7 +7,7 @@ pictures are taken anew instead of compared.
 
 import json
 import os
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -55,8 +55,8 @@ def bins(levels, ripple, pulse=None):
     )
 
 
-def check(name, title, state, result):
-    return messages.CheckState(name, title, "", True, False, False, state, result)
+def check(name, title, state, result, in_motion=False):
+    return messages.CheckState(name, title, "", not in_motion, False, in_motion, state, result)
 
 
 STATE = messages.State(
@@ -124,13 +124,58 @@ TRACES = messages.TracesMessage(
     },
     dict.fromkeys(("ankle", "estimate", "emg"), WIDTH),
 )
+OF_RIG = replace(
+    STATE,
+    session=messages.SessionState(
+        "finished", "", "Calibration of the rig", "rig_calibration", 1, 1, 0, 0, 122.0,
+        [None, None], 0, 0, "finished",
+    ),
+    baseline=None,
+    rig=messages.RigState("ankle_actuator_driver", "", "ready: stopped by the operator", []),
+    subject=None,
+    log=[
+        messages.LogEntry(START - 150.0, "session armed", {}),
+        messages.LogEntry(START - 147.0, "session started", {"block": 1}),
+        messages.LogEntry(START, "session finished", {}),
+    ],
+    nodes=[STATE.nodes[0], messages.NodeState("perturbation_generator", "ok", "running")],
+    recording=messages.Recording(False, None, None, None),
+    checks=[
+        check("no_foot_on_plate", "No foot on the plate", "done", {}),
+        check(
+            "calibrate_rig",
+            "Rig calibration",
+            "done",
+            {
+                "torque behind position": "0.491 ± 0.014 ms",
+                "velocity behind position": "-0.000 ± 0.001 ms",
+                "inertia of the plate": "0.0042 ± 8.3e-06 kg.m^2",
+                "friction of the bearing": "0.301 ± 0.00056 N.m",
+                "servo": "30.55 ± 0.67 Hz, damping 0.7034 ± 0.014",
+                "zero of position": "0.00400 rad",
+                "zero of torque": "-0.3094 N.m",
+                "noise": "4.5e-05 rad, 0.14 N.m, 0.0065 rad/s",
+                "torque explained": "99.80 % of what follows the plate",
+                "mode of the torque sensor": "71.05 ± 0.033 Hz, damping 0.03025 ± 0.00056",
+                "note": "how far the servo gives way was not found: the load was too small. Mount "
+                "a spring of 50 to 200 N.m/rad and complete this file with it",
+                "file": "/home/laboratory/rig.yaml",
+            },
+            in_motion=True,
+        ),
+    ],
+    visit="",
+    body_mass=None,
+)  # fmt: skip
 FROZEN_CLOCK = "performance.now = () => 1000;"
 
 
-def answer_as_the_node(socket):
+def answer_as_the_node(socket, state):
     """Take the node's place at the other end of a page's WebSocket."""
     socket.on_message(lambda text: None)
-    for message in (messages.Command(True), STATE, TRACES, FRAME):
+    groups = ("ankle",) if state is OF_RIG else TRACES.groups
+    traces = replace(TRACES, groups={name: TRACES.groups[name] for name in groups})
+    for message in (messages.Command(True), state, traces, FRAME):
         socket.send(json.dumps(asdict(message)))
 
 
@@ -139,7 +184,7 @@ def open_still(browser, laboratory):
     """Return what opens a page whose contents stand still."""
     pages = []
 
-    def open_one(path, width, height):
+    def open_one(path, width, height, state=STATE):
         page = browser.new_page(
             timezone_id="UTC",
             device_scale_factor=1,
@@ -148,9 +193,10 @@ def open_still(browser, laboratory):
         page.set_default_timeout(PATIENCE)
         page.add_init_script(FROZEN_CLOCK)
         page.add_init_script(CANVAS_WORDS)
-        page.route_web_socket("**/ws*", answer_as_the_node)
+        page.route_web_socket("**/ws*", lambda socket: answer_as_the_node(socket, state))
         page.goto(laboratory.url(path))
-        page.locator(".v-instruction", has_text="Hold it there").wait_for()
+        shown = {"hold": "Hold it there", "finished": "Finished"}[state.session.instruction]
+        page.locator(".v-instruction", has_text=shown).wait_for(state="attached")
         pages.append(page)
         return page
 
@@ -198,12 +244,15 @@ def name_of(role, width):
     return f"biofeedback_{role}{'' if width == SIZES[0][0] else f'_{width}'}.png"
 
 
-@pytest.mark.parametrize(("role", "path"), [("subject", "/"), ("operator", "/operator")])
-def test_a_page_looks_as_on_its_picture(open_still, tmp_path, role, path):
+@pytest.mark.parametrize(
+    ("role", "path", "state"),
+    [("subject", "/", STATE), ("operator", "/operator", STATE), ("rig", "/operator", OF_RIG)],
+)
+def test_a_page_looks_as_on_its_picture(open_still, tmp_path, role, path, state):
     folder = Path(os.environ.get("ANKLE_SCREENSHOTS") or tmp_path)
     differences, wrong = {}, {}
     for width, height in SIZES:
-        page = open_still(path, width, height)
+        page = open_still(path, width, height, state)
         probe = page.evaluate(PROBE)
         if abs(probe - PROBE_WIDTH) > 0.01 * PROBE_WIDTH:
             pytest.skip(f"the pictures were taken with other letters (probe of {probe:g} pixels)")

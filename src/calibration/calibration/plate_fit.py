@@ -24,7 +24,7 @@ MODE_DAMPING_START = 0.08
 # Channels of one rig are hardly further apart.
 LONGEST_DELAY = 0.02  # s
 # Another rounding of the friction, a lag or a mode is the rig's where it takes away this share of
-# what is left without it.
+# what is left without it beyond noise.
 MIN_CUT = 0.5
 # A search that ends this close to an end of its range was still on its way.
 RANGE_MARGIN = 0.01
@@ -102,7 +102,7 @@ def fit_plate(spectra: RigSpectra, motion: np.ndarray) -> PlateFit:
         left, fit = _fitted(spectra, columns, names, response, starts)
         if not _is_seen(fit.shape):
             continue
-        if best is None or left < (1.0 - MIN_CUT) * best[0]:
+        if best is None or _is_cut(spectra, best[0], left):
             best = left, fit
     assert best is not None
     if not best[1].vaf > 50.0:
@@ -112,6 +112,15 @@ def fit_plate(spectra: RigSpectra, motion: np.ndarray) -> PlateFit:
         )
     best[1].shape["friction_velocity"] = rounding
     return best[1]
+
+
+def _is_cut(spectra: RigSpectra, before: float, after: float) -> bool:
+    """Say whether a further value takes away `MIN_CUT` of what noise does not leave anyway: a mode
+    with little damping leaves less than the noise of all frequencies together, and triples the
+    torque at its own.
+    """
+    noise = spectra.torque_noise
+    return after - noise < (1.0 - MIN_CUT) * (before - noise)
 
 
 def _rounded_friction(
@@ -148,7 +157,7 @@ def _rounded_friction(
     dry = least_squares(
         lambda delay: left(np.array([delay[0], FRICTION_VELOCITY])), [0.0], x_scale=[1e-4]
     )
-    if found.cost > (1.0 - MIN_CUT) * dry.cost:
+    if not _is_cut(spectra, 2.0 * dry.cost, 2.0 * found.cost):  # costs are halves
         return Found(FRICTION_VELOCITY, 0.0), columns
     rounding = float(found.x[1])
     columns["friction"] = spectra.spectrum(np.tanh(velocity / rounding))

@@ -16,6 +16,8 @@ FREQUENCY_RESOLUTION = 1.0  # Hz
 SERVO_MODEL_ERROR = 0.02
 # Fast edges reach no further through a drive of 30 Hz.
 HIGHEST_FREQUENCY = 120.0  # Hz
+# Noise is taken off what is left only as far as this many of its standard errors allow.
+NOISE_DEVIATIONS = 3.0
 # A plate holds still for at least this long at the start.
 MIN_REST_DURATION = 0.5  # s
 # Left out behind the start of rest, while the plate settles.
@@ -83,6 +85,15 @@ class RigSpectra:
         Signals of the recording.
     rest
         Samples at which the plate rests; their mean is taken off.
+
+    Attributes
+    ----------
+    frequency
+        Of the lines [Hz]; `omega` is 2 pi i times it [rad/s].
+    reference, position, torque, velocity
+        Spectra at these lines; None where there is no velocity.
+    torque_noise
+        Sum over the lines of the squared size that the torque's noise has at the least.
     """
 
     def __init__(self, signals: Signals, rest: slice) -> None:
@@ -98,9 +109,18 @@ class RigSpectra:
         self.reference = self._raw(signals.reference - signals.reference[0])
         self.position = self._raw(signals.position - signals.position[rest].mean())
         self.torque = self._raw(signals.torque - signals.torque[rest].mean())
+        self.torque_noise = self._noise(signals.torque, rest)
         self.velocity = None
         if signals.velocity is not None:
             self.velocity = self._raw(signals.velocity - signals.velocity[rest].mean())
+
+    def _noise(self, signal: np.ndarray, rest: slice) -> float:
+        """Return the least energy that noise at rest leaves in a spectrum of the whole signal."""
+        resting = signal[rest] - signal[rest].mean()
+        energy = float(np.sum(np.abs(self._raw(resting)) ** 2)) * len(signal) / len(resting)
+        # That the rest itself resolves; the energy of a line deviates by its mean.
+        lines = np.ptp(self.frequency) * len(resting) / self.rate
+        return max(0.0, 1.0 - NOISE_DEVIATIONS / math.sqrt(lines)) * energy
 
     def _raw(self, signal: np.ndarray) -> np.ndarray:
         return rfft(signal, self.length)[self.used]

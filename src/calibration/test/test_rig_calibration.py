@@ -134,6 +134,24 @@ def test_a_bearing_that_slips_gradually_is_no_lag_of_the_sensor():
     assert abs(rounding.value - 0.15) < 2.0 * rounding.error
 
 
+def test_a_mode_with_little_damping_is_found_below_the_noise_of_all_frequencies():
+    """As in `docs/calibration.md`: without its mode the inertia comes out a fifth too high."""
+    terms = {
+        "footplate_inertia": {"Ip": 0.0042},
+        "torque_sensor_mode": {"frequency": 71.0, "damping": 0.03},
+    }
+    rig = replace(HIDDEN, torque_delay=Measured(0.00049), model=Model.of(terms))
+    setup = Setup(rig.twin(Model.of({})), Servo(), SignalToNoise(), Scenario([]), 0.04, 4, rig)
+    reference = movements()
+    time = np.arange(len(reference)) / RATE
+    (stretch,) = LiveRig(setup, print).take(time, reference)
+    position, velocity, torque = stretch.samples.T
+    found = identify_rig(Signals(RATE, position, velocity, torque, reference[:, 0]))
+    assert found.mode[0].value == pytest.approx(71.0, rel=0.02)
+    assert found.inertia.value == pytest.approx(0.0042, rel=0.02)
+    assert found.torque_delay.value == pytest.approx(0.00049, abs=0.1e-3)
+
+
 def identified(**changes):
     small = Found(0.0, 1e-4)
     plain = IdentifiedRig(

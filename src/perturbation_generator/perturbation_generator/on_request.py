@@ -46,7 +46,11 @@ class OnRequest(Signal):
                 f"{settings.shape.length:g} s"
             )
         self._train = EdgeTrain(settings.shape, settings.rate)
-        self._free_at = 0.0
+
+    @property
+    def awaits_requests(self) -> bool:
+        """See `Signal.awaits_requests`."""
+        return True
 
     def request(self) -> float | None:
         """Begin a stretch with the next sample.

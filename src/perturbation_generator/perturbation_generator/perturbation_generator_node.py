@@ -3,7 +3,7 @@
 | topic | direction | content |
 | --- | --- | --- |
 | perturbation/reference | out, 64 Hz | t[s],position[rad],velocity[rad/s],acceleration[rad/s^2] |
-| ~/perturb | service | Trigger: one stretch of the signal ``on_request``; answers its onset [s] |
+| ~/perturb | service | Trigger: what a signal gives on request; answers its onset [s] |
 | /diagnostics | out, 1 Hz | blocks sent, late blocks, worst lateness |
 
 Sample k has the time t0 + k / rate, t0 being the ROS time of the start (``wait_for_readers``). A
@@ -80,23 +80,26 @@ class PerturbationGeneratorNode(AnkleNode):
                 self._signal.set_amplitude(amplitude)
 
     def _perturb(self, request: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
-        """Give one stretch, if the signal is one that waits for it."""
+        """Give a stretch or the movements of a calibration, if the signal waits for that."""
         answer.success = False
-        if not isinstance(self._signal, OnRequest):
+        if not self._signal.awaits_requests:
             answer.message = (
                 f"signal '{self._signal.name}' runs by itself; single stretches need the parameter "
-                f"signal = {OnRequest.name}"
+                f"signal = {OnRequest.name}, the calibration of a rig rig_calibration.on_request = "
+                "true"
             )
         elif self._schedule is None:
             answer.message = "the signal has not started: it waits for its readers"
         else:
             with self._busy:
-                onset = self._signal.request()
+                busy_for, onset = self._signal.busy_for, self._signal.request()
             answer.success = onset is not None
             answer.message = (
                 f"{self._schedule.start + onset:.6f}"
                 if onset is not None
-                else "the last stretch is not over, the amplitude is 0, or the signal ends"
+                else f"the last movement is not over for another {busy_for:.1f} s"
+                if busy_for
+                else "the amplitude is 0, or the signal ends"
             )
         return answer
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ankle_interfaces.quantity import Value
+from ankle_interfaces.quantity import Quantity, Value
 from perturbation_generator.edge_train import EdgeTrain
 from perturbation_generator.edges import Extremes, Polynomial
 from perturbation_generator.settings import Settings
@@ -43,16 +43,48 @@ class RigCalibration(Signal):
     """
 
     name = "rig_calibration"
+    parameters = (
+        Quantity(
+            "rig_calibration.on_request",
+            default=False,
+            description=(
+                "Whether the plate rests until the service perturb asks for the movements, so that "
+                "a rig can be armed and started before; false: they begin at once."
+            ),
+            start_only=True,
+        ),
+    )
 
     def __init__(self, settings: Settings, **own: Value) -> None:
         super().__init__(settings, **own)
         self._fast = EdgeTrain(settings.shape, settings.rate)
         self._slow = EdgeTrain(Polynomial(SWEEP_TIME), settings.rate)
-        self._plan(np.random.default_rng(settings.seed))
+        self._random = np.random.default_rng(settings.seed)
+        if not self.awaits_requests:
+            self._plan(0.0)
 
-    def _plan(self, random: np.random.Generator) -> None:
-        time, level, amplitude = INITIAL_REST, 0.0, self.amplitude
-        end = min(INITIAL_REST + FAST_TIME, self.settings.end - FINAL_REST)
+    @property
+    def awaits_requests(self) -> bool:
+        """See `Signal.awaits_requests`."""
+        return bool(self.own["on_request"])
+
+    def request(self) -> float | None:
+        """Begin all movements, with the initial rest; see `Signal.request`.
+
+        The result is None while the last ones are not over, or where the end of the signal is too
+        near.
+        """
+        start = self.time
+        if start < self._free_at or start + DURATION > self.settings.end or self.amplitude == 0.0:
+            return None
+        self._plan(start)
+        self._free_at = start + DURATION
+        return start
+
+    def _plan(self, start: float) -> None:
+        random = self._random
+        time, level, amplitude = start + INITIAL_REST, 0.0, self.amplitude
+        end = min(start + INITIAL_REST + FAST_TIME, self.settings.end - FINAL_REST)
         while time < end - 2.0 * PAUSES[1]:
             # No step is larger than the amplitude, which velocity and acceleration allow.
             near = [k * amplitude for k in LEVELS if 0.0 < abs(k * amplitude - level) <= amplitude]
@@ -64,7 +96,7 @@ class RigCalibration(Signal):
         if level:
             self._onsets.append(Onset(time, -1 if level > 0 else 1, abs(level)))
             self._fast.add(time, 0.0)
-        time = INITIAL_REST + FAST_TIME + HOLD_TIME
+        time = start + INITIAL_REST + FAST_TIME + HOLD_TIME
         targets = [amplitude * (-1.0) ** k for k in range(SWEEPS)]
         for target in targets:
             if time + 2.0 * (SWEEP_TIME + HOLD_TIME) > self.settings.end:
@@ -74,7 +106,7 @@ class RigCalibration(Signal):
         self._slow.add(time, 0.0)
 
     def set_amplitude(self, amplitude: float) -> None:
-        """Set the amplitude of the next run; the present one was planned at its start."""
+        """Set the amplitude of the next movements; the present ones were planned before."""
         self.amplitude = amplitude
 
     def extremes(self, amplitude: float) -> Extremes:

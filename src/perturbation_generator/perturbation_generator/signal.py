@@ -83,6 +83,7 @@ class Signal(ABC):
         self.amplitude = settings.amplitude
         self._given = 0
         self._onsets: list[Onset] = []
+        self._free_at = 0.0
 
     @property
     def time(self) -> float:
@@ -97,6 +98,26 @@ class Signal(ABC):
         samples = self._samples(self._given, n)
         self._given += n
         return samples
+
+    @property
+    def awaits_requests(self) -> bool:
+        """Tell whether the plate rests until `request` is called; else it moves by itself."""
+        return False
+
+    def request(self) -> float | None:
+        """Begin what the signal gives on request with the next sample.
+
+        Returns
+        -------
+        float | None
+            Time of its onset since the start of the signal [s]; None where none can be given now.
+        """
+        return None
+
+    @property
+    def busy_for(self) -> float:
+        """Return the time [s] until a further request can be given; 0 now."""
+        return max(0.0, self._free_at - self.time)
 
     def onsets(self) -> list[Onset]:
         """Return every movement that began before the next sample, in order: every edge, those

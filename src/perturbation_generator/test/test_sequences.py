@@ -10,6 +10,7 @@ from perturbation_generator.on_request import OnRequest
 from perturbation_generator.prbs import Prbs
 from perturbation_generator.pulse_step import GROUP, PulseStep
 from perturbation_generator.random_steps import RandomSteps
+from perturbation_generator.rig_calibration import DURATION, RigCalibration
 from perturbation_generator.settings import Settings
 
 
@@ -161,3 +162,20 @@ def test_a_stretch_is_given_for_each_request_and_never_two_at_once():
     assert [o.direction for o in signal.onsets()] == [1, -1]
     with pytest.raises(QuantityError, match="an edge takes"):
         OnRequest(Settings(shape=Polynomial(0.2)), hold=0.1)
+
+
+def test_the_movements_of_a_calibration_wait_for_their_request():
+    settings = Settings(rate=512.0)
+    assert not RigCalibration(settings).awaits_requests
+    signal, at_once = RigCalibration(settings, on_request=True), RigCalibration(settings)
+    whole = int(DURATION * 512.0)
+    assert signal.awaits_requests
+    assert not signal.next(whole).any()  # the plate rests, however long
+    assert signal.request() == pytest.approx(DURATION)
+    assert signal.request() is None
+    assert signal.busy_for == pytest.approx(DURATION)
+    moved = signal.next(whole)
+    assert signal.busy_for == 0.0
+    np.testing.assert_allclose(moved, at_once.next(whole), rtol=0, atol=1e-6)
+    assert signal.request() is not None  # a second calibration, as with a spring
+    assert np.abs(signal.next(whole)).max() > 0.0

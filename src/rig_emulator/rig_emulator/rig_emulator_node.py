@@ -26,7 +26,14 @@ from ankle_physics.model import Model
 from ankle_sim.parameters import RIG
 from ankle_sim.start_values import start_value
 from rig_emulator.emulated_rig import EmulatedRig
-from rig_emulator.settings import MODEL, PARAMETERS, joint_parameters, load_model, settings_from
+from rig_emulator.settings import (
+    FOOT,
+    MODEL,
+    PARAMETERS,
+    joint_parameters,
+    load_model,
+    settings_from,
+)
 
 NAME = "rig_emulator"
 REPORT_PERIOD = 1.0  # s
@@ -41,7 +48,12 @@ def declared_parameters(values: Mapping[str, Value]) -> list[Quantity]:
     """Return the parameters that the node declares for start values, by which its joint is
     found.
     """
-    return _declared_for(load_model(str(values.get(MODEL.name, "")), str(values.get(RIG.name, ""))))
+    chosen = {which.name: values.get(which.name, which.default) for which in (MODEL, RIG, FOOT)}
+    return _declared_for(_load(chosen))
+
+
+def _load(chosen: Mapping[str, Value]) -> Model:
+    return load_model(str(chosen[MODEL.name]), str(chosen[RIG.name]), bool(chosen[FOOT.name]))
 
 
 class RigEmulatorNode(AnkleNode):
@@ -106,8 +118,9 @@ class RigEmulatorNode(AnkleNode):
 
 def make() -> RigEmulatorNode:
     """Return the node with the model that its parameter names."""
-    model, rig = (str(start_value(NAME, which)) for which in (MODEL, RIG))
-    return RigEmulatorNode(load_model(model, rig))
+    return RigEmulatorNode(
+        _load({which.name: start_value(NAME, which) for which in (MODEL, RIG, FOOT)})
+    )
 
 
 def main() -> int:

@@ -11,12 +11,20 @@ from ankle_actuator_driver.link.rig_link import DEVICE_PORT
 from ankle_actuator_driver.safety.limits import LIMIT_PARAMETERS, Limits, limits_from
 from ankle_interfaces.quantity import Quantity, Value
 from ankle_physics.actuator import Servo
+from ankle_physics.errors import ModelError
 from ankle_physics.model import Model
 from ankle_physics.rig_file import RigFile
 from ankle_physics.scenario import Scenario
 from ankle_physics.sensors import SignalToNoise
 from ankle_sim.live_rig import Setup
-from ankle_sim.parameters import MODEL, RIG_PARAMETERS, model_parameters, with_voluntary_torque
+from ankle_sim.parameters import (
+    FOOT,
+    MODEL,
+    RIG_PARAMETERS,
+    model_parameters,
+    plate_alone,
+    with_voluntary_torque,
+)
 from rig_emulator.faults import Faults
 
 ModelParameters = Mapping[str, tuple[Quantity, str, str]]
@@ -123,7 +131,7 @@ class Settings:
         return settings_from(values, model, key)
 
 
-def load_model(path: str, rig: str = "") -> Model:
+def load_model(path: str, rig: str = "", foot: bool = True) -> Model:
     """Return the joint's model from a file, on a calibrated rig.
 
     It is the paper's model where the path is empty.
@@ -134,14 +142,20 @@ def load_model(path: str, rig: str = "") -> Model:
         Of the model file.
     rig
         Of the rig file whose terms are added; empty: none.
+    foot
+        Whether a foot is on the plate.
 
     Raises
     ------
     ModelError
-        A file that is refused.
+        A file that is refused, or none of a rig without a foot.
     OSError
         One that cannot be read.
     """
+    if not foot:
+        if path:
+            raise ModelError(f"foot = false leaves out what the model file {path} holds")
+        return plate_alone(rig)
     model = with_voluntary_torque(Model.load(path) if path else Model.of())
     return RigFile.load(rig).twin(model) if rig else model
 
@@ -202,4 +216,12 @@ def settings_from(values: Mapping[str, Value], model: Model, key: bytes = b"") -
     )
 
 
-__all__ = ["MODEL", "PARAMETERS", "Settings", "joint_parameters", "load_model", "settings_from"]
+__all__ = [
+    "FOOT",
+    "MODEL",
+    "PARAMETERS",
+    "Settings",
+    "joint_parameters",
+    "load_model",
+    "settings_from",
+]

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ankle_bringup.calibration_recording import record_session, recorded_into, require_running
+from ankle_bringup.calibration_recording import (
+    await_state,
+    record_rig,
+    record_session,
+    recorded_into,
+    require_running,
+    rig_states,
+)
 from ankle_bringup.terminal import Namespace, Out, Overwrite, console, number_option, working
 from ankle_interfaces.quantity import Quantity
 
@@ -53,8 +60,6 @@ SECONDS = Quantity("seconds", "s", 30.0, 600.0, 90.0)
 the default is documented for the step of a session (``docs/biofeedback.md``)."""
 TAKEOVER_SECONDS = 60.0
 """[s] Time for a running estimator to go on with a new model: 15 to 30 s with the perturbation."""
-STATE_SECONDS = 3.0
-"""[s] Time for a rig's state to arrive, which is kept for whoever asks: twice a discovery."""
 
 
 @verb.command()
@@ -90,9 +95,10 @@ def rig(
 
     Finds delays between the channels, inertia, friction and weight of the plate, lag or resonance
     of the torque sensor, the servo and how far it gives way, zeros and noise, with standard errors.
-    Remove the foot from the plate first. Without a bag the rig has to run, armed and started, and
-    no other perturbation may be running. How far the servo gives way shows with a spring, and all
-    else without one: calibrate the empty plate first, then complete its file (--beside).
+    Remove the foot from the plate first. Without a bag the laboratory has to run ('ankle up
+    rig_to_calibrate'), its rig armed and started: the plate rests until this command moves it. Its
+    operator's page does the same. How far the servo gives way shows with a spring, and all else
+    without one: calibrate the empty plate first, then complete its file (--beside).
 
     Example: ankle calibrate rig --title 'laboratory 2' --out rig.yaml
     """
@@ -100,7 +106,7 @@ def rig(
     from ankle_physics.rig_file import RigFile
     from calibration.known_load import KnownLoad
     from calibration.rig_calibration import calibrate_rig
-    from calibration.rig_in_words import described
+    from calibration.rig_in_words import described, found_in_words
 
     load = KnownLoad(inertia, spring)
     empty = RigFile.load(beside) if beside is not None else None
@@ -112,19 +118,20 @@ def rig(
         _require_new_bag(into, "rig")
         if simulated is None:
             require_running(namespace)
-        with recorded_into(into):
-            _record_rig(into, amplitude, simulated, load, namespace)
+        with recorded_into(into, whole=True):
+            if simulated is None:
+                record_rig(into, amplitude, namespace)
+            else:
+                _simulate_rig(into, amplitude, simulated, load, namespace)
     with working("calibrating the rig") as step:
         found = calibrate_rig(bag, title, load, progress=step, beside=empty)
     found.rig.save(out)
     console.print(described(found))
     console.print(f"written to {out.resolve()}")
-    return {"out": out.resolve(), "remarks": found.remarks}
+    return {"out": out.resolve(), "found": found_in_words(found), "remarks": found.remarks}
 
 
-def _record_rig(
-    bag: Path, amplitude: float, simulated: Path | None, load: KnownLoad, namespace: str
-) -> None:
+def _simulate_rig(bag: Path, amplitude: float, rig: Path, load: KnownLoad, namespace: str) -> None:
     import tempfile
 
     from ankle_bringup.graph import load_graph
@@ -132,19 +139,21 @@ def _record_rig(
     from ankle_physics.model import Model
     from ankle_physics.rig_file import RigFile
 
+    RigFile.load(rig)
     with tempfile.TemporaryDirectory() as folder:
-        settings = [f"record.out={bag}", f"perturbation_generator.amplitude={amplitude}"]
-        if simulated is not None:
-            RigFile.load(simulated)
-            mounted = Path(folder) / "mounted.yaml"
-            terms = {"stiffness": {"K": load.spring}} if load.spring else {}
-            if load.inertia:
-                terms["inertia"] = {"I": load.inertia}
-            Model.of(terms, "plate without a foot").save(mounted)
-            settings += [f"ankle_sim.rig={simulated.resolve()}", f"ankle_sim.model={mounted}"]
-        name = "rig_calibration" if simulated is None else "simulated_rig_calibration"
-        graph = load_graph(name).in_namespace(namespace).with_settings(settings)
-        run_graph(graph, Path(folder) / "logs", 0.0, console)
+        mounted = Path(folder) / "mounted.yaml"
+        terms = {"stiffness": {"K": load.spring}} if load.spring else {}
+        if load.inertia:
+            terms["inertia"] = {"I": load.inertia}
+        Model.of(terms, "plate without a foot").save(mounted)
+        settings = [
+            f"record.out={bag}",
+            f"perturbation_generator.amplitude={amplitude}",
+            f"ankle_sim.rig={rig.resolve()}",
+            f"ankle_sim.model={mounted}",
+        ]
+        graph = load_graph("simulated_rig_calibration").in_namespace(namespace)
+        run_graph(graph.with_settings(settings), Path(folder) / "logs", 0.0, console)
 
 
 @verb.command()
@@ -270,7 +279,7 @@ def _handed_over(model: Path, namespace: str) -> str:
         observer(own_signals=True, namespace=namespace) as node,
         working("handing the model over"),
     ):
-        states = _rig_states(node)
+        states = rig_states(node)
         try:
             # The same path with new content would be no change to the estimator: it is emptied.
             for value in ("''", str(model)):
@@ -293,29 +302,7 @@ def _handed_over(model: Path, namespace: str) -> str:
     return "the running estimator goes on with this model"
 
 
-def _rig_states(node: Node) -> list[str]:
-    """Return the states of the rig, a list that grows while the node receives."""
-    from std_msgs.msg import String
-
-    from ankle_interfaces.topics import RIG_STATE
-    from ankle_node.node import LATEST_QOS
-
-    states: list[str] = []
-
-    def receive(message: Any) -> None:
-        states.append(str(message.data))
-
-    node.create_subscription(String, RIG_STATE.name, receive, LATEST_QOS)
-    return states
-
-
 def _fault(node: Node, states: list[str]) -> str:
     """Return the fault of the rig as the end of a sentence; empty where it has none."""
-    import time
-
-    import rclpy
-
-    deadline = time.monotonic() + STATE_SECONDS
-    while not states and time.monotonic() < deadline:
-        rclpy.spin_once(node, timeout_sec=0.1)
+    await_state(states, node)
     return f"; the rig is in {states[-1]}" if states and states[-1].startswith("fault") else ""

@@ -16,15 +16,22 @@ const view = new View(by("preview"), { id: "screen", units: true, silence: () =>
 const traces = new Traces(by("traces"), [
   { title: "Torque", unit: "N·m, measured", group: "ankle", names: ["torque"], colours: [SKY], least: 2 },
   { title: "Angle", unit: "degrees", group: "ankle", names: ["angle"], colours: [YELLOW], least: 1 },
-  { title: "K", unit: "N·m/rad", group: "estimate", names: ["K"], colours: [ORANGE], zero: true, value: true, marks: marks("K"), absent: "no valid estimate", needed: (state) => !ofReflex(state) },
-  { title: "G", unit: "N·m·s/rad", group: "estimate", names: ["G"], colours: [GREEN], zero: true, value: true, marks: marks("G"), absent: "no valid estimate", needed: (state) => !ofReflex(state) },
+  { title: "K", unit: "N·m/rad", group: "estimate", names: ["K"], colours: [ORANGE], zero: true, value: true, marks: marks("K"), absent: "no valid estimate", needed: withEstimates },
+  { title: "G", unit: "N·m·s/rad", group: "estimate", names: ["G"], colours: [GREEN], zero: true, value: true, marks: marks("G"), absent: "no valid estimate", needed: withEstimates },
   ...[["SOL", SKY], ["TA", PINK], ["GL", ORANGE], ["GM", GREEN]].map(([name, colour]) => (
-    { title: name, unit: "EMG, µV", group: "emg", names: [name], colours: [colour], least: 10, absent: "no /emg/samples in this graph" })),
+    { title: name, unit: "EMG, µV", group: "emg", names: [name], colours: [colour], least: 10, absent: "no /emg/samples in this graph", needed: (state) => !ofRig(state) })),
 ]);
 
 // A course of the EMG reflex needs no estimator: then nothing is said of estimates.
 function ofReflex({ target }) {
   return target.feedback === "reflex";
+}
+
+// A calibration of the rig has neither subject nor estimator.
+const ofRig = ({ session }) => session.kind === "rig_calibration";
+
+function withEstimates(state) {
+  return !ofReflex(state) && !ofRig(state);
 }
 
 function marks(symbol) {
@@ -106,7 +113,7 @@ function showFrame(frame) {
     ? { valid: "", invalid: "EMG is not usable", stale: "EMG is stale", waiting: "no EMG yet: do the amplifier and the node emg_processor run?" }
     : { valid: last.doubt ? `estimates are doubtful: ${last.doubt}` : "", invalid: `estimates not valid${last.reason ? `: ${last.reason}` : ""}`, stale: "estimates are stale", waiting: "no estimates yet: does the node impedance_estimator run?" };
   const torque = { valid: "", stale: "no samples", waiting: "no samples yet" }[frame.torque_quality];
-  const said = [quality[frame.quality], torque].filter(Boolean).join("; ");
+  const said = [ofRig(last) ? "" : quality[frame.quality], torque].filter(Boolean).join("; ");
   by("share").className = said ? "warn" : "";
   showRelative(frame, last);
   put(by("share"), said ? `⚠ ${said}` : last.trials ? progress(last) : share(session));
@@ -157,10 +164,12 @@ function showState(state) {
   const kinds = { running: "good", armed: "warn", paused: "warn", idle: "", finished: "" };
   pill(by("state"), session.state, kinds[session.state]);
   const { trials } = state;
-  put(by("where"), session.block ? `block ${session.block} of ${session.blocks}` : "control trials");
-  put(by("where-what"), trials ? `trial ${trials.done} of ${trials.planned}` : session.hold ? `hold ${session.hold} of ${session.holds}` : session.kind);
-  const steps = { calibration: "Calibration, relaxed", trials: `Trials, ${trials?.kind}`, baseline: "Baseline, relaxed", reach: `On the way to hold ${session.hold}`, hold: `Hold ${session.hold}`, break: "Break" };
-  put(by("step"), session.state === "finished" ? "Finished" : steps[session.kind]);
+  document.body.classList.toggle("of-rig", ofRig(state));
+  put(by("where"), ofRig(state) ? "no subject" : session.block ? `block ${session.block} of ${session.blocks}` : "control trials");
+  put(by("where-what"), ofRig(state) ? "" : trials ? `trial ${trials.done} of ${trials.planned}` : session.hold ? `hold ${session.hold} of ${session.holds}` : session.kind);
+  const steps = { calibration: "Calibration, relaxed", rig_calibration: "The plate moves by itself", trials: `Trials, ${trials?.kind}`, baseline: "Baseline, relaxed", reach: `On the way to hold ${session.hold}`, hold: `Hold ${session.hold}`, break: "Break" };
+  const before = ofRig(state) && session.state !== "running" ? "Calibration of the rig" : steps[session.kind];
+  put(by("step"), session.state === "finished" ? "Finished" : before);
   pill(by("recording"), recording.on ? `● recording${recording.missing ? `, ${recording.missing} SAMPLES MISSING` : ""}` : "✕ NOT RECORDING",
     recording.on && !recording.missing ? "good" : "bad");
   by("recording").title = recording.on ? `${recording.messages} messages so far` : "start a recorder: ankle record NAME";
@@ -269,10 +278,10 @@ const rounded = (value) => (Math.abs(value) < 1 ? Number(value.toFixed(3)) : thr
 
 const CHECK_SIGNS = { open: "○", running: "…", done: "✓", failed: "✕", skipped: "–" };
 
-// The visit's check list, hidden once it is complete: each entry with what to do, its result, and its two buttons.
+// The visit's check list, hidden once it is complete, but for the result of a rig's calibration: each entry with what to do, its result, and its two buttons.
 function showChecks(checks) {
   const missing = checks.filter(({ state }) => state !== "done" && state !== "skipped");
-  by("check-list").hidden = !missing.length;
+  by("check-list").hidden = !missing.length && !ofRig(last);
   const shown = JSON.stringify([checks, inCommand]);
   if (by("checks").dataset.shown === shown) return;
   by("checks").dataset.shown = shown;
@@ -281,7 +290,9 @@ function showChecks(checks) {
     item.className = { done: "ok", skipped: "ok", failed: "error", running: "warning" }[state] ?? "";
     const head = document.createElement("b");
     head.textContent = `${CHECK_SIGNS[state]} ${title}`;
-    const figures = Object.entries(result).map(([key, value]) => (["problem", "progress"].includes(key) ? value : quantity(key, value))).join(", ");
+    const lines = name === "calibrate_rig" && state === "done"; // a result of many values, in words
+    const say = ([key, value]) => (["problem", "progress"].includes(key) ? value : lines ? `\n${key}: ${value}` : quantity(key, value));
+    const figures = Object.entries(result).map(say).join(lines ? "" : ", ");
     text.append(head, ` ${figures || (state === "open" || state === "running" ? instruction : state)}`);
     item.append(text);
     if (state !== "done" && state !== "skipped") {

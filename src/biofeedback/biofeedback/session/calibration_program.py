@@ -1,5 +1,5 @@
-"""The calibration of a session in the background: the program ``ankle calibrate session``, started
-from the operator's page or by the protocol's step, watched, and ended with the perturbation.
+"""A calibration in the background: the program ``ankle calibrate``, started by the step of a
+protocol or from the operator's page, watched, and ended with the perturbation.
 """
 
 from __future__ import annotations
@@ -10,9 +10,11 @@ import subprocess
 import sys
 import tempfile
 import time
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from pathlib import Path
 from signal import SIGTERM
-from typing import Any
+from typing import Any, ClassVar
 
 from ankle_node.parent_process import end_with_parent
 from ankle_node.real_time import leave_priority
@@ -29,36 +31,33 @@ def _begin() -> None:
     leave_priority()
 
 
-class CalibrationProgram:
+class CalibrationProgram(ABC):
     """Starts the program, follows it and reads its result; nothing here waits.
+
+    What is calibrated, a rig or a session, its subclasses say.
 
     Parameters
     ----------
     model
-        The ``subject.yaml`` that it writes; the recording and the report stand beside it. Whoever
-        runs the program hands it to the estimator.
-    rig_file
-        The calibrated rig, undone before the diagnosis; empty for none.
+        The file that is calibrated; recordings and reports stand in folders beside it.
     namespace
         Of the laboratory that is recorded.
     program
         The command and its first arguments; None finds ``ankle`` beside this Python or on the path.
     """
 
+    what: ClassVar[str]
+    """What is calibrated: the word behind ``ankle calibrate``."""
+
     def __init__(
-        self,
-        model: Path,
-        rig_file: str = "",
-        namespace: str = "",
-        program: tuple[str, ...] | None = None,
+        self, model: Path, namespace: str = "", program: tuple[str, ...] | None = None
     ) -> None:
-        self.model, self._rig_file, self._namespace = model, rig_file, namespace.strip("/")
+        self.model, self._namespace = model, namespace.strip("/")
         self._program = program
         self._process: subprocess.Popen[bytes] | None = None
-        self._output = Path()
-        self._bag = Path()
+        self._folder = Path()
         self._began: float | None = None
-        self._seconds = self._cancelled_at = 0.0
+        self._cancelled_at = 0.0
         self._reason = ""
 
     @property
@@ -67,9 +66,21 @@ class CalibrationProgram:
         return self._process is not None
 
     @property
+    @abstractmethod
     def recording(self) -> bool:
-        """Tell whether the program still needs the perturbation."""
-        return self.running and not self._reason and self._recorded < self._seconds
+        """Tell whether the program still needs the moving plate."""
+
+    @abstractmethod
+    def begin(self, seconds: float) -> None:
+        """Start the program, for so many seconds of the moving plate; raises `CommandError`."""
+
+    @abstractmethod
+    def progress(self) -> str:
+        """Return what the program does now, for the operator."""
+
+    @property
+    def _bag(self) -> Path:
+        return self._folder / "recording"
 
     @property
     def _recorded(self) -> float:
@@ -78,13 +89,15 @@ class CalibrationProgram:
             self._began = time.monotonic()
         return 0.0 if self._began is None else time.monotonic() - self._began
 
-    def begin(self, seconds: float) -> None:
-        """Start the program.
+    def _start(self, options: Mapping[str, str], *switches: str) -> None:
+        """Start the program in a new folder, beside the options that both calibrations have.
 
         Parameters
         ----------
-        seconds
-            Of the running perturbation to record.
+        options
+            Value of each option; those with an empty value are left out.
+        switches
+            Options without a value.
 
         Raises
         ------
@@ -92,51 +105,31 @@ class CalibrationProgram:
             It runs already, or is not installed.
         """
         if self.running:
-            raise CommandError("the session is being calibrated already")
+            raise CommandError(f"the {self.what} is being calibrated already")
         program = self._program or _installed_program()
-        self.model.parent.mkdir(parents=True, exist_ok=True)
-        prefix = f"{self.model.stem}_calibration_"
-        folder = Path(tempfile.mkdtemp(prefix=prefix, dir=self.model.parent))
-        self._bag = folder / "recording"
-        options = {
-            "--seconds": f"{seconds:g}",
-            "--out": str(self.model),
-            "--bag": str(self._bag),
-            "--report": str(folder / "diagnosis"),
-            "--rig": self._rig_file,
-            "--namespace": self._namespace,
-        }
+        self._folder = self._new_folder()
+        options = {"--bag": str(self._bag), "--namespace": self._namespace, **options}
         words = [word for option in options.items() if option[1] for word in option]
-        self._output = folder / "output.txt"
         with self._output.open("wb") as stream:
             self._process = subprocess.Popen(
-                [
-                    *program,
-                    "calibrate",
-                    "session",
-                    "--json",
-                    "--overwrite",
-                    "--no-hand-over",
-                    *words,
-                ],
+                [*program, "calibrate", self.what, "--json", "--overwrite", *switches, *words],
                 stdin=subprocess.DEVNULL,
                 stdout=stream,
                 stderr=subprocess.STDOUT,
+                cwd=self._folder,
                 start_new_session=True,
                 preexec_fn=_begin,
             )
-        self._began, self._seconds, self._reason = None, seconds, ""
+        self._began, self._reason = None, ""
 
-    def progress(self) -> str:
-        """Return what the program does now, for the operator."""
-        if self._reason:
-            return f"ending: {self._reason}"
-        passed = self._recorded
-        if self._began is None:
-            return "starting to record; the subject relaxes"
-        if passed < self._seconds:
-            return f"recording, {passed:.0f} of {self._seconds:.0f} s; the subject relaxes"
-        return f"diagnosing, {passed - self._seconds:.0f} s so far; one to three minutes are usual"
+    def _new_folder(self) -> Path:
+        self.model.parent.mkdir(parents=True, exist_ok=True)
+        prefix = f"{self.model.stem}_calibration_"
+        return Path(tempfile.mkdtemp(prefix=prefix, dir=self.model.parent)).resolve()
+
+    @property
+    def _output(self) -> Path:
+        return self._folder / "output.txt"
 
     def cancel(self, reason: str) -> None:
         """Ask the program to end; `ended` then gives the reason."""
@@ -160,7 +153,11 @@ class CalibrationProgram:
         if process.returncode != 0:
             lines = said.strip().splitlines() or [f"it ended with code {process.returncode}"]
             return CalibrationEnd(f"{lines[-1]} (all of it: {self._output})", {})
-        return CalibrationEnd("", _figures(said))
+        return self._end(_result(said))
+
+    @abstractmethod
+    def _end(self, result: Mapping[str, Any]) -> CalibrationEnd:
+        """Return the end of a calibration that went well, from what the program printed."""
 
     def close(self) -> None:
         """End the program and wait for it."""
@@ -179,11 +176,10 @@ def _installed_program() -> tuple[str, ...]:
     return (found,)
 
 
-def _figures(said: str) -> dict[str, Any]:
-    """Return what the program printed as JSON, as the check list shows it."""
+def _result(said: str) -> dict[str, Any]:
+    """Return what the program printed as JSON; empty where it printed none."""
     try:
         found = json.loads(said[said.index("{") :])
     except ValueError:
         return {}
-    effects = [str(effect["name"]).replace("_", " ") for effect in found.get("effects", [])]
-    return {"found": ", ".join(effects) or "nothing beyond the basic model"}
+    return found if isinstance(found, dict) else {}

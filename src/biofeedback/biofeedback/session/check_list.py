@@ -17,7 +17,7 @@ import numpy as np
 from ankle_node.session_event import SessionEvent
 from biofeedback.errors import CommandError, ProtocolError
 
-SESSION_CALIBRATION = "session_calibration"
+SESSION_CALIBRATION, CALIBRATE_RIG = "session_calibration", "calibrate_rig"
 OPEN, RUNNING, DONE, FAILED, SKIPPED = "open", "running", "done", "failed", "skipped"
 RELAXED_SPREAD = 0.5
 """[N.m] Standard deviation of the torque of a subject who is relaxed: half the narrowest band that
@@ -71,6 +71,16 @@ CHECKS = {
     SESSION_CALIBRATION: Check(
         "Session calibration",
         "Begins with the perturbation, after arm and start; the subject relaxes.",
+    ),
+    "no_foot_on_plate": Check(
+        "No foot on the plate",
+        "Nobody sits in the rig, nothing loose is on the plate, all hands are away; then confirm.",
+    ),
+    "spring_on_plate": Check(
+        "Spring on the plate", "The known spring is mounted, and nothing else; then confirm."
+    ),
+    CALIBRATE_RIG: Check(
+        "Rig calibration", "Arm and start: the plate then moves by itself for two minutes."
     ),
 }
 

@@ -1,5 +1,5 @@
 """What a session acts on, as it sees it: the rig, a simulated subject, the perturbation, the
-program that calibrates the session, the estimator that goes on with its model.
+program that calibrates session or rig, the estimator that goes on with its model.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Perturbation(Protocol):
 
 @dataclass(frozen=True)
 class CalibrationEnd:
-    """Holds the end of a session's calibration.
+    """Holds the end of a calibration.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class CalibrationEnd:
 
 
 class Calibration(Protocol):
-    """Describes the interface to the program that calibrates a session; nothing of it waits.
+    """Describes the interface to the program that calibrates session or rig; nothing of it waits.
 
     Attributes
     ----------
@@ -96,10 +96,10 @@ class Calibration(Protocol):
 
     @property
     def recording(self) -> bool:
-        """Tell whether the calibration still needs the perturbation."""
+        """Tell whether the calibration still needs the moving plate."""
 
     def begin(self, seconds: float) -> None:
-        """Record so many seconds of the running perturbation; raises `CommandError`."""
+        """Record so many seconds of the moving plate; raises `CommandError`."""
 
     def progress(self) -> str:
         """Return what the calibration does now."""

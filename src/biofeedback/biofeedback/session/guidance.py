@@ -19,7 +19,8 @@ SETTLING_TIME = 0.7
 
 def instruction(session: Session) -> str:
     """Give the key of the present instruction: ``relax``, ``reach``, ``hold``, ``break``,
-    ``paused``, ``stopped``, ``wait``, ``finished``, or ``trials`` in a conditioning course.
+    ``paused``, ``stopped``, ``wait``, ``finished``, ``trials`` in a conditioning course, or
+    ``rig_calibration``.
     """
     if session.state == FINISHED:
         return "finished"

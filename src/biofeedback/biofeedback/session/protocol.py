@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from biofeedback.errors import ProtocolError
-from biofeedback.session.check_list import SESSION_CALIBRATION, checked_names
+from biofeedback.session.check_list import CALIBRATE_RIG, SESSION_CALIBRATION, checked_names
 from biofeedback.session.plan_file import check_keys, load_plan
+from perturbation_generator.rig_calibration import DURATION
 
 BASELINE, REACH, HOLD, BREAK, TRIALS = "baseline", "reach", "hold", "break", "trials"
-CALIBRATION = "calibration"
+CALIBRATION, RIG_CALIBRATION = "calibration", "rig_calibration"
 UNITS = {"K": "N.m/rad", "G": "N.m.s/rad"}
 PAPER = "van_t_veld_2018"
 _LIMITS = {
@@ -28,6 +29,8 @@ _LIMITS = {
     "level_half_width[1]": (0.01, 2.0),
     "torque_target[N.m]": (-30.0, 30.0),
     "level[1]": (0.05, 10.0),
+    "amplitude[rad]": (0.005, 0.1),
+    "spring[N.m/rad]": (0.0, 1000.0),
 }
 """Ranges [unit of the key]: beyond, a slip of the keyboard is more likely than a plan."""
 _HOLD_KEYS = ("torque_target[N.m]", "level[1]")
@@ -40,7 +43,8 @@ class Step:
     Attributes
     ----------
     kind
-        `CALIBRATION`, `BASELINE`, `REACH`, `HOLD`, `BREAK`, or `TRIALS` of a conditioning course.
+        `CALIBRATION`, `BASELINE`, `REACH`, `HOLD`, `BREAK`, `TRIALS` of a conditioning course, or
+        `RIG_CALIBRATION`.
     duration
         [s]; of a calibration, what is recorded: the step ends with the calibration.
     block
@@ -65,8 +69,27 @@ class Step:
 
 
 @dataclass(frozen=True)
+class RigMovement:
+    """Describes the movement that calibrates a rig.
+
+    Attributes
+    ----------
+    amplitude
+        Largest distance of the plate from rest [rad].
+    spring
+        Stiffness of the known spring on the plate [N.m/rad]; 0 where there is none.
+    rig
+        Name of the rig, free text.
+    """
+
+    amplitude: float
+    spring: float
+    rig: str
+
+
+@dataclass(frozen=True)
 class Protocol:
-    """Describes the plan of a session: blocks, breaks, holds and targets.
+    """Describes the plan of a session: blocks, breaks, holds and targets, or a rig's calibration.
 
     Attributes
     ----------
@@ -82,6 +105,8 @@ class Protocol:
         Tells one protocol from another.
     check_list
         Names of the checks before the first block, see `check_list`.
+    rig_movement
+        Where a rig is calibrated; None in a session with a subject.
     """
 
     title: str
@@ -90,6 +115,7 @@ class Protocol:
     level_half_width: float
     digest: str
     check_list: tuple[str, ...] = ()
+    rig_movement: RigMovement | None = None
 
     @property
     def targets(self) -> list[float]:
@@ -117,10 +143,9 @@ class Protocol:
             len(self.steps) - 1,
         )
 
-    @property
-    def calibrates(self) -> bool:
-        """Tell whether a step calibrates the session before the baseline."""
-        return any(step.kind == CALIBRATION for step in self.steps)
+    def has(self, kind: str) -> bool:
+        """Tell whether a step is of this kind."""
+        return any(step.kind == kind for step in self.steps)
 
     @property
     def duration(self) -> float:
@@ -137,7 +162,24 @@ def load_protocol(name: str) -> Protocol:
         No such file, not YAML, a key that is missing, unknown or out of range.
     """
     content, digest = load_plan(name, "config", "protocol")
+    if isinstance(content, dict) and RIG_CALIBRATION in content:
+        return _rig_calibration(content, name, digest)
     return _protocol(content, name, digest)
+
+
+def _rig_calibration(content: dict[str, Any], name: str, digest: str) -> Protocol:
+    check_keys(content, {RIG_CALIBRATION, "check_list", "title"}, {"title"}, name)
+    where, optional = f"{name}: {RIG_CALIBRATION}", {"spring[N.m/rad]", "rig"}
+    asked = content[RIG_CALIBRATION]
+    check_keys(asked, {"amplitude[rad]", *optional}, optional, where)
+    spring = _number(asked, "spring[N.m/rad]", where) if "spring[N.m/rad]" in asked else 0.0
+    movement = RigMovement(_number(asked, "amplitude[rad]", where), spring, asked.get("rig") or "")
+    checks = checked_names(content["check_list"], name)
+    if CALIBRATE_RIG not in checks:
+        raise ProtocolError(f"{where} needs the check '{CALIBRATE_RIG}' in 'check_list'")
+    step = Step(RIG_CALIBRATION, DURATION, 1, 0, "K", 0.0, None)
+    title = str(content.get("title") or name)
+    return Protocol(title, (step,), 1.0, 1.0, digest, checks, movement)
 
 
 def _protocol(content: Any, name: str, digest: str) -> Protocol:

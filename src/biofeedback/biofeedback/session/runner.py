@@ -38,10 +38,11 @@ from biofeedback.session.devices import (
 )
 from biofeedback.session.guidance import Guidance
 from biofeedback.session.operator_watch import MAX_UNWATCHED_TIME, OperatorWatch
-from biofeedback.session.protocol import CALIBRATION
 from biofeedback.session.readings import read
 from biofeedback.session.rig_agreement import RigAgreement
+from biofeedback.session.rig_calibration_step import RigCalibrationStep
 from biofeedback.session.screen_axes import ScreenAxes
+from biofeedback.session.session_calibration_step import SessionCalibrationStep
 from biofeedback.session.session_program import ARMED, FINISHED, IDLE, PAUSED, RUNNING, Session
 from biofeedback.session.session_view import SessionView, hint_now, view_of
 from biofeedback.session.target import Reading
@@ -84,8 +85,8 @@ class SessionRunner:
     file_checks
         What answers entries of the check list from files, by their names.
     calibration, estimator
-        Calibrates the session, where the protocol has a step for it, and the estimator that goes on
-        with the model.
+        Calibrates session or rig, where the protocol has a step for it, and the estimator that goes
+        on with the model of a session.
     """
 
     def __init__(
@@ -104,13 +105,12 @@ class SessionRunner:
     ) -> None:
         self.session = session
         self.axes = ScreenAxes(session)
-        self.checks = VisitChecks(
-            session,
-            file_checks,
-            CalibrationStep(calibration, estimator, signals.not_valid)
-            if calibration and estimator
-            else None,
-        )
+        step: CalibrationStep | None = None
+        if calibration and session.protocol.rig_movement:
+            step = RigCalibrationStep(calibration)
+        elif calibration and estimator:
+            step = SessionCalibrationStep(calibration, estimator, signals.not_valid)
+        self.checks = VisitChecks(session, file_checks, step)
         self._signals = signals
         self._rig = rig
         self._subject = subject
@@ -296,11 +296,6 @@ class SessionRunner:
             self.axes.set(values)
         elif name == "subject":
             await self._subject.set(values)
-        elif name == "next" and session.step.kind == CALIBRATION and session.state == RUNNING:
-            raise CommandError(
-                "the session goes on by itself once the estimator uses the new model; 'Skip' in "
-                "the check list goes on without it"
-            )
         elif name == "note":
             self.record([SessionEvent("note", now, {"text": values["text"]})])
         else:
@@ -310,6 +305,8 @@ class SessionRunner:
                 "end_hold": session.end_hold,
                 "restart": session.restart,
             }
+            if name == "next":
+                self.checks.require_no_calibration()
             self.record(steps[name](now))
             if name == "restart":
                 self.record(self.checks.restart(now))

@@ -25,6 +25,7 @@ from biofeedback.session.protocol import (
     CALIBRATION,
     HOLD,
     REACH,
+    RIG_CALIBRATION,
     TRIALS,
     Protocol,
     Step,
@@ -148,7 +149,7 @@ class Session:
             self.elapsed += passed
         if kind == TRIALS:
             return self._do_trials(now, reading)
-        if kind in (BREAK, CALIBRATION):
+        if kind in (BREAK, CALIBRATION, RIG_CALIBRATION):
             return []  # the operator starts again after a break; a calibration ends by `next`
         if kind == BASELINE and reading.valid:
             self._collector.add(reading.K, reading.G, reading.torque)
@@ -361,7 +362,7 @@ class Session:
         if step.kind == BASELINE:
             self._collector = BaselineCollector()
             return [SessionEvent("baseline started", now)]
-        if step.kind == CALIBRATION:
+        if step.kind in (CALIBRATION, RIG_CALIBRATION):
             return [SessionEvent("calibration started", now)]
         if step.kind == BREAK:
             self.state = PAUSED

@@ -11,7 +11,7 @@ from biofeedback.errors import CommandError
 from biofeedback.live_signals import GOOD, Snapshot
 from biofeedback.session.calibration_files import FileCheck
 from biofeedback.session.calibration_step import CalibrationStep
-from biofeedback.session.check_list import CHECKS, SESSION_CALIBRATION, BodyReading, CheckList
+from biofeedback.session.check_list import CHECKS, BodyReading, CheckList
 from biofeedback.session.session_program import Session
 
 
@@ -25,7 +25,7 @@ class VisitChecks:
     file_checks
         What answers entries from files, by their names.
     calibration
-        The step that calibrates the session; None without one.
+        The step that calibrates the session or the rig; None without one.
 
     Attributes
     ----------
@@ -43,8 +43,8 @@ class VisitChecks:
         self.entries = self._new_entries()
 
     def _new_entries(self) -> CheckList:
-        protocol = self._session.protocol
-        in_motion = (SESSION_CALIBRATION,) if protocol.calibrates and self._calibration else ()
+        protocol, step = self._session.protocol, self._calibration
+        in_motion = (step.check,) if step is not None and protocol.has(step.kind) else ()
         return CheckList(protocol.check_list, self._file_checks, in_motion)
 
     def read_files(self, now: float, another_subject: bool = False) -> list[SessionEvent]:
@@ -76,6 +76,17 @@ class VisitChecks:
         if self._calibration is None or not self.entries.in_motion:
             return []
         return self._calibration.follow(self._session, self.entries, now)
+
+    def require_no_calibration(self) -> None:
+        """Refuse to leave the step of a calibration for the next one before its end.
+
+        Raises
+        ------
+        CommandError
+            The session is in that step; says when it goes on.
+        """
+        if self._calibration is not None and self._calibration.is_its_time(self._session):
+            raise CommandError(self._calibration.goes_on)
 
     def command(self, name: str, act: str, found: Snapshot, now: float) -> list[SessionEvent]:
         """Begin, confirm or skip an entry, as the operator asks.

@@ -1,0 +1,82 @@
+"""The calibration of a session in the background: ``ankle calibrate session``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from biofeedback.session.calibration_program import CalibrationProgram
+from biofeedback.session.devices import CalibrationEnd
+
+
+class SessionCalibrationProgram(CalibrationProgram):
+    """Records the running perturbation and diagnoses it.
+
+    Parameters
+    ----------
+    model
+        The ``subject.yaml`` that it writes. Whoever runs the program hands it to the estimator.
+    rig_file
+        The calibrated rig, undone before the diagnosis; empty for none.
+    namespace, program
+        As of `CalibrationProgram`.
+    """
+
+    what = "session"
+
+    def __init__(
+        self,
+        model: Path,
+        rig_file: str = "",
+        namespace: str = "",
+        program: tuple[str, ...] | None = None,
+    ) -> None:
+        super().__init__(model, namespace, program)
+        self._rig_file = str(Path(rig_file).resolve()) if rig_file else ""
+        self._seconds = 0.0
+
+    @property
+    def recording(self) -> bool:
+        """Tell whether the program still needs the perturbation."""
+        return self.running and not self._reason and self._recorded < self._seconds
+
+    def begin(self, seconds: float) -> None:
+        """Start the program.
+
+        Parameters
+        ----------
+        seconds
+            Of the running perturbation to record.
+
+        Raises
+        ------
+        CommandError
+            It runs already, or is not installed.
+        """
+        options = {
+            "--seconds": f"{seconds:g}",
+            "--out": str(self.model.absolute()),
+            "--report": "diagnosis",
+            "--rig": self._rig_file,
+        }
+        self._start(options, "--no-hand-over")
+        self._seconds = seconds
+
+    def progress(self) -> str:
+        """Return what the program does now, for the operator."""
+        if self._reason:
+            return f"ending: {self._reason}"
+        passed = self._recorded
+        if self._began is None:
+            return "starting to record; the subject relaxes"
+        if passed < self._seconds:
+            return f"recording, {passed:.0f} of {self._seconds:.0f} s; the subject relaxes"
+        return f"diagnosing, {passed - self._seconds:.0f} s so far; one to three minutes are usual"
+
+    def _end(self, result: Mapping[str, Any]) -> CalibrationEnd:
+        effects = [str(effect["name"]).replace("_", " ") for effect in result.get("effects", [])]
+        figures = {"found": ", ".join(effects) or "nothing beyond the basic model"}
+        if warnings := result.get("warnings"):
+            figures["warning"] = "; ".join(map(str, warnings))
+        return CalibrationEnd("", figures)
