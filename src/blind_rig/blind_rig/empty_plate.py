@@ -16,15 +16,22 @@ from blind_rig.trial import STEPS_PER_SAMPLE, Recording, Run, Trial, record
 NEGLIGIBLE_INERTIA = 1e-6  # kg.m^2, kg
 
 
-def empty_plate(setup: Setup) -> Setup:
+def empty_plate(setup: Setup, spring: float = 0.0) -> Setup:
     """Return the rig of a setup without foot, straps and torques of a subject.
 
     The torque cell stays as it is; the mode of its load rises, because the load is less.
+
+    Parameters
+    ----------
+    setup
+        Of subject and rig.
+    spring
+        That a laboratory mounts on the plate [N.m/rad]; 0 is none.
     """
     stiffness, damping = cell_stiffness(setup)
     omega = math.sqrt(stiffness / (setup.rig.plate_inertia + NEGLIGIBLE_INERTIA))
     return setup._replace(
-        muscle=Muscle(K=0.0, B=0.0),
+        muscle=Muscle(K=spring, B=0.0),
         reflex=Reflex(G=0.0),
         interface=Interface(),
         rig=setup.rig._replace(
@@ -40,8 +47,8 @@ def empty_plate(setup: Setup) -> Setup:
     )
 
 
-def record_empty_plate(trial: Trial, command: np.ndarray) -> Recording:
-    """Record the rig of a trial with its plate empty.
+def record_empty_plate(trial: Trial, command: np.ndarray, spring: float = 0.0) -> Recording:
+    """Record the rig of a trial with its plate empty, or with a spring on it.
 
     Parameters
     ----------
@@ -50,8 +57,10 @@ def record_empty_plate(trial: Trial, command: np.ndarray) -> Recording:
     command
         Reference around the operating angle [rad] at the simulation's rate (`STEPS_PER_SAMPLE`
         times the sampling rate), shape (n,), smooth.
+    spring
+        On the plate [N.m/rad]; 0 is none.
     """
-    setup = empty_plate(trial.setup)
+    setup = empty_plate(trial.setup, spring)
     rate = trial.rate * STEPS_PER_SAMPLE[trial.rate]
     nothing, whole = np.zeros(len(command)), np.ones(len(command))
     momentary = Course(nothing, nothing, whole, whole, setup.reflex.delay * whole)

@@ -2,42 +2,61 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from scipy.optimize import least_squares
 
-from ankle_physics.terms.footplate_friction import FootplateFriction
 from ankle_physics.terms.torque_sensor_lag import TorqueSensorLag
 from ankle_physics.terms.torque_sensor_mode import TorqueSensorMode
 from calibration.errors import CalibrationError
 from calibration.fitted_value import Found, solved, stacked_parts, standard_errors
 from calibration.rig_spectra import RigSpectra
 
-# A dry bearing's velocity that rounds the jump of its friction at rest.
-FRICTION_VELOCITY = 0.03  # rad/s
+# Where searches for the friction's v0 [rad/s] and relaxation time [s] begin: a dry bearing that
+# creeps to rest, and seals.
+FRICTION_STARTS = ((0.003, 0.05), (0.1, 0.005))
+FRICTION_RANGES = ((0.002, 1.0), (0.002, 10.0))
+# Below, the measured velocity is noise, and the plate rests.
+RESTING_VELOCITY = 0.004  # rad/s
 # Where searches for lag, mode and servo begin.
 LAG_STARTS = (0.0005, 0.003)  # s
 MODE_STARTS = (20.0, 45.0, 80.0)  # Hz
 MODE_DAMPING_START = 0.08
 # Channels of one rig are hardly further apart.
 LONGEST_DELAY = 0.02  # s
-# Another rounding of the friction, a lag or a mode is the rig's where it takes away this share of
-# what is left without it beyond noise.
-MIN_CUT = 0.5
+# A lag or a mode is the rig's where it takes away this share of what is left beyond noise.
+MIN_CUT = 0.4
+# With more damping a mode rings for less than a period, and friction looks alike.
+MOST_DAMPING = 0.3
 # A search that ends this close to an end of its range was still on its way.
 RANGE_MARGIN = 0.01
 
 
 @dataclass(frozen=True)
 class PlateFit:
-    """Holds plate and sensor: values by name, and the spectrum of the torque before the sensor."""
+    """Holds a plate and its sensor.
+
+    Attributes
+    ----------
+    shape, linear
+        Values of the sensor and of the plate, by name.
+    response
+        What the sensor makes of the torque that acts, at each line.
+    vaf
+        Of the torque that follows the motion [%].
+    searched
+        The best values of every description that was tried, where the next search begins.
+    """
 
     shape: dict[str, Found]
     linear: dict[str, Found]
-    load: np.ndarray
+    response: np.ndarray
     vaf: float
+    searched: dict[tuple[str, ...], list[float]]
 
 
 # Which parameter of the library each shape of the sensor is.
@@ -54,6 +73,8 @@ def _is_seen(shape: dict[str, Found]) -> bool:
     A mode far above the recorded band, or a lag of a tenth of a millisecond, looks like a part of
     the delay, and is one.
     """
+    if "mode_damping" in shape and shape["mode_damping"].value > MOST_DAMPING:
+        return False
     margin = 1.0 + RANGE_MARGIN
     return all(
         allowed.lower * margin < shape[name].value < allowed.upper / margin
@@ -65,7 +86,7 @@ def _is_seen(shape: dict[str, Found]) -> bool:
 Response = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
-def fit_plate(spectra: RigSpectra, motion: np.ndarray) -> PlateFit:
+def fit_plate(spectra: RigSpectra, motion: np.ndarray, before: PlateFit | None = None) -> PlateFit:
     """Return plate and sensor: the simplest description that holds.
 
     What no description holds (a bearing's friction has many shapes) lets a lag or a mode that the
@@ -77,7 +98,9 @@ def fit_plate(spectra: RigSpectra, motion: np.ndarray) -> PlateFit:
     spectra
         Spectra of the recording.
     motion
-        Spectrum of the position that follows the reference [rad].
+        Spectrum of the position [rad].
+    before
+        What was found with a motion that was known less well; None: searches begin anew.
 
     Raises
     ------
@@ -91,27 +114,107 @@ def fit_plate(spectra: RigSpectra, motion: np.ndarray) -> PlateFit:
         ratio = s / (2.0 * np.pi * p[1])
         return 1.0 / (1.0 + 2.0 * p[2] * ratio + ratio**2)
 
+    plate = Plate(spectra, motion)
     tried: list[tuple[tuple[str, ...], Response, list[list[float]]]] = []
     tried.append((("delay",), plain, [[0.0]]))
     tried.append((("delay", "lag"), lagged, [[0.0, start] for start in LAG_STARTS]))
     modes = [[0.0, start, MODE_DAMPING_START] for start in MODE_STARTS]
     tried.append((("delay", "mode", "mode_damping"), resonant, modes))
-    best: tuple[float, PlateFit] | None = None
-    rounding, columns = _rounded_friction(spectra, motion)
+    frictions = np.log(FRICTION_STARTS).tolist()
+    chosen: _Search | None = None
+    searched: dict[tuple[str, ...], list[float]] = {}
     for names, response, starts in tried:
-        left, fit = _fitted(spectra, columns, names, response, starts)
-        if not _is_seen(fit.shape):
+        search = _Search(plate, names, response)
+        known = None if before is None else before.searched[names]
+        search.run([known] if known else [[*a, *b] for a in starts for b in frictions])
+        searched[names] = search.values.tolist()
+        if not _is_seen(search.shape()):
             continue
-        if best is None or _is_cut(spectra, best[0], left):
-            best = left, fit
-    assert best is not None
-    if not best[1].vaf > 50.0:
+        if chosen is None or _is_cut(spectra, chosen.left, search.left):
+            chosen = search
+    assert chosen is not None
+    fit = chosen.fit(searched)
+    if not fit.vaf > 50.0:
         raise CalibrationError(
-            f"the plate's motion explains {best[1].vaf:.0f} % of the torque that follows the "
+            f"the plate's motion explains {fit.vaf:.0f} % of the torque that follows the "
             "reference; check sign, units and mounting of the torque sensor"
         )
-    best[1].shape["friction_velocity"] = rounding
-    return best[1]
+    return fit
+
+
+@njit(cache=True)
+def friction_of(velocity: np.ndarray, rounding: float, decay: float) -> np.ndarray:
+    """Return the friction of a bearing for each sample, as a part of its largest, shape (n,).
+
+    It is tanh(v / v0) while the plate moves. Behind a movement it stays, and relaxes: a bearing
+    that sticks keeps its torque, one that creeps loses it.
+
+    Parameters
+    ----------
+    velocity
+        [rad/s], shape (n,).
+    rounding
+        v0 [rad/s].
+    decay
+        Factor of what is left of the torque from one sample to the next.
+    """
+    out = np.empty_like(velocity)
+    torque = 0.0
+    for k in range(len(velocity)):
+        moving = abs(velocity[k]) > RESTING_VELOCITY
+        torque = math.tanh(velocity[k] / rounding) if moving else torque * decay
+        out[k] = torque
+    return out
+
+
+class Plate:
+    """Gives the torques that the motion of a plate needs, with friction of any shape.
+
+    Friction that is taken for another one looks like a torque that comes early or late, or through
+    a sensor that lags.
+
+    Parameters
+    ----------
+    spectra
+        Spectra of the recording.
+    motion
+        Spectrum of the position [rad].
+
+    Attributes
+    ----------
+    names
+        Of the torques: inertia, slope, friction, viscosity.
+    """
+
+    names = ("inertia", "slope", "friction", "viscosity")
+
+    def __init__(self, spectra: RigSpectra, motion: np.ndarray) -> None:
+        self.spectra = spectra
+        self._velocity = spectra.time_signal(motion * spectra.omega)
+        self._columns = np.column_stack(
+            [
+                motion * spectra.omega**2,
+                motion,
+                np.zeros_like(motion),
+                motion * spectra.omega,
+            ]
+        )
+        self._friction = (math.nan, math.nan)
+
+    def torques(self, rounding: float, relaxation: float) -> np.ndarray:
+        """Return the spectra of all torques per unit, shape (lines, 4).
+
+        Parameters
+        ----------
+        rounding, relaxation
+            v0 [rad/s] and relaxation time [s] of the friction.
+        """
+        if (rounding, relaxation) != self._friction:
+            decay = math.exp(-1.0 / (relaxation * self.spectra.rate))
+            friction = friction_of(self._velocity, rounding, decay)
+            self._columns[:, 2] = self.spectra.spectrum(friction)
+            self._friction = (rounding, relaxation)
+        return self._columns
 
 
 def _is_cut(spectra: RigSpectra, before: float, after: float) -> bool:
@@ -123,104 +226,94 @@ def _is_cut(spectra: RigSpectra, before: float, after: float) -> bool:
     return after - noise < (1.0 - MIN_CUT) * (before - noise)
 
 
-def _rounded_friction(
-    spectra: RigSpectra, motion: np.ndarray
-) -> tuple[Found, dict[str, np.ndarray]]:
-    """Return the velocity [rad/s] that rounds the jump of dry friction, and the plate's columns.
+class _Search:
+    """Finds plate and sensor by separable least squares: the linear values are solved for within.
 
-    Greased bearings and seals slip gradually. Taken for dry friction they look like a torque that
-    comes early through a sensor that lags.
+    Parameters
+    ----------
+    plate
+        Whose torques are fitted.
+    names
+        Of the values of the sensor.
+    response
+        Of the sensor.
     """
-    velocity = spectra.time_signal(motion * spectra.omega)
-    columns = {
-        "inertia": motion * spectra.omega**2,
-        "slope": motion,
-        "friction": spectra.spectrum(np.tanh(velocity / FRICTION_VELOCITY)),
-        "viscosity": motion * spectra.omega,
-    }
-    goal, rest = stacked_parts(spectra.torque), np.column_stack(list(columns.values()))
 
-    def left(shape: np.ndarray) -> np.ndarray:
-        delay, rounding = shape
-        rest[:, 2] = spectra.spectrum(np.tanh(velocity / rounding))
-        regressors = stacked_parts(np.exp(-spectra.omega * delay)[:, None] * rest)
-        regressors /= np.linalg.norm(regressors, axis=0)
-        return goal - regressors @ solved(regressors, goal)
+    def __init__(self, plate: Plate, names: tuple[str, ...], response: Response) -> None:
+        self.names, self.response, self.values = names, response, np.zeros(len(names) + 2)
+        self._plate = plate
+        self._goal = stacked_parts(plate.spectra.torque)
+        self._jacobian = np.zeros((len(self._goal), len(self.values)))
+        self.left = math.inf
 
-    allowed = FootplateFriction.parameter("v0")
-    found = least_squares(
-        left,
-        [0.0, FRICTION_VELOCITY],
-        bounds=([-LONGEST_DELAY, allowed.lower], [LONGEST_DELAY, allowed.upper]),
-        x_scale=[1e-4, FRICTION_VELOCITY],
-    )
-    dry = least_squares(
-        lambda delay: left(np.array([delay[0], FRICTION_VELOCITY])), [0.0], x_scale=[1e-4]
-    )
-    if not _is_cut(spectra, 2.0 * dry.cost, 2.0 * found.cost):  # costs are halves
-        return Found(FRICTION_VELOCITY, 0.0), columns
-    rounding = float(found.x[1])
-    columns["friction"] = spectra.spectrum(np.tanh(velocity / rounding))
-    return Found(rounding, float(standard_errors(found.jac, found.fun, spectra.frequency)[1])), (
-        columns
-    )
-
-
-def _fitted(
-    spectra: RigSpectra,
-    columns: dict[str, np.ndarray],
-    names: tuple[str, ...],
-    response: Response,
-    starts: list[list[float]],
-) -> tuple[float, PlateFit]:
-    """Return separable least squares: the linear values are solved for within."""
-    stacked = np.column_stack(list(columns.values()))
-    scale = np.linalg.norm(stacked, axis=0)
-    goal = stacked_parts(spectra.torque)
-
-    def design(shape: np.ndarray) -> np.ndarray:
-        sensed = response(spectra.omega, shape) * np.exp(-spectra.omega * shape[0])
-        return stacked_parts(sensed[:, None] * stacked / scale)
-
-    def left(shape: np.ndarray) -> np.ndarray:
-        regressors = design(shape)
-        return goal - regressors @ solved(regressors, goal)
-
-    lower = {"delay": -LONGEST_DELAY, "lag": 1e-5, "mode": 5.0, "mode_damping": 0.003}
-    upper = {"delay": LONGEST_DELAY, "lag": 0.05, "mode": 300.0, "mode_damping": 1.5}
-    found = min(
-        (
-            least_squares(
-                left,
-                start,
-                bounds=([lower[k] for k in names], [upper[k] for k in names]),
-                x_scale=[{"delay": 1e-4, "lag": 1e-3, "mode": 5.0}.get(k, 0.05) for k in names],
-            )
-            for start in starts
-        ),
-        key=lambda each: each.cost,
-    )
-    regressors = design(found.x)
-    linear = solved(regressors, goal)
-    residual = goal - regressors @ linear
-    # Of all parameters together, so that the errors know of each other.
-    slopes = np.column_stack([found.jac, -regressors])
-    errors = standard_errors(slopes, residual, spectra.frequency)
-    shape = {
-        name: Found(float(value), float(error))
-        for name, value, error in zip(names, found.x, errors, strict=False)
-    }
-    values = {
-        name: Found(float(value / size), float(error / size))
-        for name, value, error, size in zip(
-            columns, linear, errors[len(names) :], scale, strict=True
+    def run(self, starts: list[list[float]]) -> None:
+        """Search from each start; the last two values are the logarithms of the friction's."""
+        lower = {"delay": -LONGEST_DELAY, "lag": 1e-5, "mode": 5.0, "mode_damping": 0.003}
+        upper = {"delay": LONGEST_DELAY, "lag": 0.05, "mode": 300.0, "mode_damping": 1.5}
+        least, largest = np.log(FRICTION_RANGES).T
+        sizes = [{"delay": 1e-4, "lag": 1e-3, "mode": 5.0}.get(name, 0.05) for name in self.names]
+        found = min(
+            (
+                least_squares(
+                    self._residual,
+                    start,
+                    bounds=(
+                        [*(lower[name] for name in self.names), *least],
+                        [*(upper[name] for name in self.names), *largest],
+                    ),
+                    x_scale=[*sizes, 0.3, 0.3],
+                )
+                for start in starts
+            ),
+            key=lambda each: each.cost,
         )
-    }
-    predicted = regressors @ linear
-    # Of what follows the motion at all; the sensor's noise is nobody's to explain.
-    lines = len(goal) // 2
-    complex_prediction = predicted[:lines] + 1j * predicted[lines:]
-    followed = spectra.following(spectra.torque, complex_prediction)
-    missing = float(np.sum(np.abs(followed - complex_prediction) ** 2))
-    vaf = 100.0 * (1.0 - missing / float(np.sum(np.abs(followed) ** 2)))
-    return float(residual @ residual), PlateFit(shape, values, stacked @ (linear / scale), vaf)
+        self.values, self._jacobian, self.left = found.x, found.jac, 2.0 * float(found.cost)
+
+    def _design(self, values: np.ndarray) -> np.ndarray:
+        omega = self._plate.spectra.omega
+        sensed = self.response(omega, values) * np.exp(-omega * values[0])
+        design = stacked_parts(sensed[:, None] * self._plate.torques(*np.exp(values[-2:])))
+        return design / np.linalg.norm(design, axis=0)
+
+    def _residual(self, values: np.ndarray) -> np.ndarray:
+        regressors = self._design(values)
+        return self._goal - regressors @ solved(regressors, self._goal)
+
+    def shape(self) -> dict[str, Found]:
+        """Return the values of the sensor, without errors."""
+        return {
+            name: Found(float(value), 0.0)
+            for name, value in zip(self.names, self.values, strict=False)
+        }
+
+    def fit(self, searched: dict[tuple[str, ...], list[float]]) -> PlateFit:
+        """Return what was found, with standard errors, and with what was searched."""
+        spectra = self._plate.spectra
+        omega, (rounding, relaxation) = spectra.omega, np.exp(self.values[-2:])
+        sensed = self.response(omega, self.values) * np.exp(-omega * self.values[0])
+        torques = self._plate.torques(rounding, relaxation)
+        design = stacked_parts(sensed[:, None] * torques)
+        scale = np.linalg.norm(design, axis=0)
+        linear = solved(design / scale, self._goal) / scale
+        residual = self._goal - design @ linear
+        # Of all parameters together, so that the errors know of each other.
+        slopes = np.column_stack([self._jacobian, -design / scale])
+        errors = standard_errors(slopes, residual, spectra.frequency)
+        shape = {
+            name: Found(float(value), float(error))
+            for name, value, error in zip(self.names, self.values, errors, strict=False)
+        }
+        error = float(errors[len(self.names)])
+        shape["friction_velocity"] = Found(float(rounding), float(rounding) * error)
+        values = {
+            name: Found(float(value), float(error / size))
+            for name, value, error, size in zip(
+                self._plate.names, linear, errors[len(self.values) :], scale, strict=True
+            )
+        }
+        predicted = sensed * (torques @ linear)
+        # Of what follows the motion at all; the sensor's noise is nobody's to explain.
+        followed = spectra.following(spectra.torque, predicted)
+        missing = float(np.sum(np.abs(followed - predicted) ** 2))
+        vaf = 100.0 * (1.0 - missing / float(np.sum(np.abs(followed) ** 2)))
+        return PlateFit(shape, values, sensed, vaf, searched)

@@ -18,6 +18,7 @@ from ankle_physics.model import Model
 from ankle_physics.rig_agreement import rig_warnings
 from ankle_physics.rig_file import Measured, RigFile
 from ankle_physics.term import term_library
+from ankle_physics.terms.footplate_friction import FootplateFriction
 from calibration.errors import CalibrationError
 from calibration.fitted_value import Found
 from calibration.known_load import KnownLoad, require_load
@@ -277,7 +278,11 @@ def _terms(
         )
     values["footplate_inertia"] = {"Ip": inertia}
     if found.friction.value > MIN_SIGNIFICANCE * found.friction.error:
-        values["footplate_friction"] = {"F": found.friction, "v0": found.friction_velocity}
+        v0 = found.friction_velocity
+        # Below its range, noise of the velocity rounds the jump, and nobody can tell.
+        least = FootplateFriction.parameter("v0").lower
+        rounding = Found(max(v0.value, least), v0.error)
+        values["footplate_friction"] = {"F": found.friction, "v0": rounding}
     slope = Found(found.slope.value - load.spring, found.slope.error)
     if abs(slope.value) > MIN_SIGNIFICANCE * slope.error:
         # A centre of mass above the axis pulls the plate away: the same weight, half a turn on.
@@ -288,6 +293,11 @@ def _terms(
         }
     if found.lag is not None:
         values["torque_sensor_lag"] = {"T": found.lag}
+        remarks.append(
+            "a lag of the torque sensor and the friction of the bearing look alike: lag, delay and "
+            "inertia may be off by more than their standard errors. A known inertia on the plate "
+            "(--inertia) and a bearing with less friction tell them apart"
+        )
     if found.mode is not None:
         values["torque_sensor_mode"] = {"frequency": found.mode[0], "damping": found.mode[1]}
     if found.servo_stiffness is not None:

@@ -4,13 +4,14 @@ The reference carries neither noise nor torque, so the part of each channel that
 far better than the channel itself. That part is found as a smoothed transfer from the reference
 (`rig_spectra.FREQUENCY_RESOLUTION` wide), and everything else is fitted to it:
 
-    torque(f)   = S(f) e^(-2 pi i f d) [Ip a(f) + b v(f) + g x(f) + F tanh(v / v0)(f)]
+    torque(f)   = S(f) e^(-2 pi i f d) [Ip a(f) + b v(f) + g x(f) + F c(f)]
     velocity(f) = 2 pi i f x(f) e^(-2 pi i f d_v)
     x(f)        = H(f) [r(f) - torque(f) / k_a]
 
-S is 1, a lag or a mode of the torque sensor, the latter two where they halve what is left; H the
-servo; r the reference. Standard errors come from the scatter of what is left between bands of
-frequency.
+S is 1, a lag or a mode of the torque sensor, the latter two where they take away a good part of
+what is left beyond noise; H the servo; r the reference. c is the course of the friction, tanh(v /
+v0) while the plate moves, which relaxes behind a movement (`plate_fit.friction_of`). Standard
+errors come from the scatter of what is left between bands of frequency.
 """
 
 from __future__ import annotations
@@ -93,11 +94,13 @@ def identify_rig(signals: Signals) -> IdentifiedRig:
     spectra = RigSpectra(signals, rest)
     # First with the torque as it is read, then with the torque that acts, sensor undone: near a
     # mode of the sensor the two differ, and with them the motion of a servo that gives way.
-    servo = fit_servo(spectra, spectra.following(spectra.torque, spectra.reference, known=False))
+    read = spectra.following(spectra.torque, spectra.reference, known=False)
+    servo, fit = fit_servo(spectra, read), None
     for _ in range(ROUNDS):
-        motion = spectra.following(spectra.position, servo.motion)
-        fit = fit_plate(spectra, motion)
-        servo = fit_servo(spectra, fit.load)
+        motion = spectra.motion(servo.motion)
+        fit = fit_plate(spectra, motion, fit)
+        servo = fit_servo(spectra, read / fit.response)
+    assert fit is not None
     zero_position = float(np.mean((signals.position - signals.reference)[rest]))
     at_rest = float(np.mean(signals.torque[rest]))
     noise = (

@@ -109,18 +109,18 @@ class RigSpectra:
         self.reference = self._raw(signals.reference - signals.reference[0])
         self.position = self._raw(signals.position - signals.position[rest].mean())
         self.torque = self._raw(signals.torque - signals.torque[rest].mean())
-        self.torque_noise = self._noise(signals.torque, rest)
+        noise = self._noise(signals.torque, rest)
+        lines = len(self.frequency) * (rest.stop - rest.start) / self.length
+        self.torque_noise = max(0.0, 1.0 - NOISE_DEVIATIONS / math.sqrt(lines)) * noise
+        self._position_noise = self._noise(signals.position, rest) / len(self.frequency)
         self.velocity = None
         if signals.velocity is not None:
             self.velocity = self._raw(signals.velocity - signals.velocity[rest].mean())
 
     def _noise(self, signal: np.ndarray, rest: slice) -> float:
-        """Return the least energy that noise at rest leaves in a spectrum of the whole signal."""
+        """Return the energy that the noise at rest has in a spectrum of the whole signal."""
         resting = signal[rest] - signal[rest].mean()
-        energy = float(np.sum(np.abs(self._raw(resting)) ** 2)) * len(signal) / len(resting)
-        # That the rest itself resolves; the energy of a line deviates by its mean.
-        lines = np.ptp(self.frequency) * len(resting) / self.rate
-        return max(0.0, 1.0 - NOISE_DEVIATIONS / math.sqrt(lines)) * energy
+        return float(np.sum(np.abs(self._raw(resting)) ** 2)) * len(signal) / len(resting)
 
     def _raw(self, signal: np.ndarray) -> np.ndarray:
         return rfft(signal, self.length)[self.used]
@@ -133,20 +133,45 @@ class RigSpectra:
         and the less does smoothing distort it. At the lowest frequencies responses are steeper than
         the resolution, and the signal is far above its noise: there it stays as it is.
         """
-        power = np.maximum(self._smooth(np.abs(model) ** 2), 1e-300)
-        transfer = self._smooth(signal * model.conj()) / power
-        left = self._smooth(np.abs(signal - transfer * model) ** 2)
+        power = np.maximum(self.smooth(np.abs(model) ** 2), 1e-300)
+        transfer = self.smooth(signal * model.conj()) / power
+        left = self.smooth(np.abs(signal - transfer * model) ** 2)
         # Where the signal sinks in its noise the model is the better guide.
         noise = left / power / (2 * self._half + 1)
         weight = SERVO_MODEL_ERROR**2 / (SERVO_MODEL_ERROR**2 + noise) if known else 1.0
         followed = (1.0 + weight * (transfer - 1.0) if known else transfer) * model
         return np.where(self.frequency < 2.0 * FREQUENCY_RESOLUTION, signal, followed)
 
-    def _smooth(self, values: np.ndarray) -> np.ndarray:
-        width = 2 * self._half + 1
-        padded = np.pad(values, self._half, mode="edge")
+    def motion(self, model: np.ndarray) -> np.ndarray:
+        """Return the spectrum of the plate's motion [rad]: a model of it, and what the measured
+        position says of it beyond its noise.
+
+        It is Wiener's filter of what the model misses: nothing where that is as large as the noise
+        at rest, all of it where it is far above.
+
+        Parameters
+        ----------
+        model
+            Of the position, by the reference [rad].
+        """
+        missed = self.position - model
+        power = np.maximum(self.smooth(np.abs(missed) ** 2), 1e-300)
+        return model + np.maximum(0.0, 1.0 - self._position_noise / power) * missed
+
+    def smooth(self, values: np.ndarray, width: float = FREQUENCY_RESOLUTION) -> np.ndarray:
+        """Return the mean over neighbouring lines.
+
+        Parameters
+        ----------
+        values
+            At the lines, shape (lines,).
+        width
+            Of the mean [Hz].
+        """
+        half = max(1, round(0.5 * width * self.length / self.rate))
+        padded = np.pad(values, half, mode="edge")
         total = np.cumsum(np.concatenate([[0.0], padded]))
-        return (total[width:] - total[:-width]) / width
+        return (total[2 * half + 1 :] - total[: -2 * half - 1]) / (2 * half + 1)
 
     def time_signal(self, spectrum: np.ndarray) -> np.ndarray:
         """Return the signal of a spectrum, shape (length,)."""
