@@ -40,7 +40,7 @@ class Inputs:
         """Copy what a command reads and none before it wrote into the folder of its page."""
         words = words_of(line)
         for before, word in zip(["", *words], words, strict=False):
-            name = word.partition("=")[2] if re.fullmatch(r"[a-z]+=\w+", word) else word
+            name = word.partition("=")[2] if re.fullmatch(r"[a-z_.]+=[\w.]+", word) else word
             place = folder / name
             if re.fullmatch(PLACEHOLDER, name) and place.exists():
                 shutil.rmtree(place)

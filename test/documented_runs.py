@@ -133,6 +133,7 @@ EXACT_RUNS = {
         MISSING_ARGUMENT,
     ),
     f"{ANKLE} import --rig rig.yaml": MISSING_ARGUMENT,
+    f"{ANKLE} investigate": MISSING_ARGUMENT,
     f"{ANKLE} estimate --algorithm": MISSING_VALUE,
     f"{ANKLE} up --sidecar": MISSING_VALUE,
     f"{ANKLE} up --params-file": MISSING_VALUE,

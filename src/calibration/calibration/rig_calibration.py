@@ -293,10 +293,10 @@ def _terms(
         }
     if found.lag is not None:
         values["torque_sensor_lag"] = {"T": found.lag}
+    elif found.mode is None and "footplate_friction" in values:
         remarks.append(
-            "a lag of the torque sensor and the friction of the bearing look alike: lag, delay and "
-            "inertia may be off by more than their standard errors. A known inertia on the plate "
-            "(--inertia) and a bearing with less friction tell them apart"
+            "a lag of the torque sensor would be counted as delay: beside the friction of this "
+            "bearing it is not seen. Inertia and delay are then off by more than their errors"
         )
     if found.mode is not None:
         values["torque_sensor_mode"] = {"frequency": found.mode[0], "damping": found.mode[1]}
