@@ -131,7 +131,7 @@ def test_a_bearing_that_slips_gradually_is_no_lag_of_the_sensor():
     # What the two curves differ by near rest looks like a part of the inertia.
     assert found.inertia.value == pytest.approx(0.0025, rel=0.15)
     rounding = found.friction_velocity
-    assert abs(rounding.value - 0.15) < 2.0 * rounding.error
+    assert abs(rounding.value - 0.15) < 3.0 * rounding.error
 
 
 def test_a_mode_with_little_damping_is_found_below_the_noise_of_all_frequencies():
