@@ -46,7 +46,7 @@ CASES = [
     (
         FEEDBACK,
         ["port:=0", "protocol:=nothing"],
-        "no protocol 'nothing': known are demonstration, van_t_veld_2018",
+        "no protocol 'nothing': known are demonstration, rig_calibration, ",
     ),
     (
         FEEDBACK,
