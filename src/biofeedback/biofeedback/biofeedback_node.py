@@ -60,7 +60,7 @@ from biofeedback.web.server import Server
 from biofeedback.web.serving import Serving, addresses
 
 RIG_FILE_NAME = "rig.yaml"
-"""Of a rig whose file is not named, in the folder of the sessions' progress."""
+"""Name of the rig file where none is stated, in the folder of the sessions' progress."""
 LOOK_PERIOD = 1.0
 """[s] How soon a simulated subject that starts later is seen."""
 EVENTS_PERIOD = 0.2
