@@ -48,6 +48,10 @@ class CalibrationProgram(ABC):
 
     what: ClassVar[str]
     """What is calibrated: the word behind ``ankle calibrate``."""
+    starts: ClassVar[str]
+    records: ClassVar[str]
+    meanwhile: ClassVar[str]
+    """What it does before and while it records, and what people do then."""
 
     def __init__(
         self, model: Path, namespace: str = "", program: tuple[str, ...] | None = None
@@ -57,6 +61,7 @@ class CalibrationProgram(ABC):
         self._process: subprocess.Popen[bytes] | None = None
         self._folder = Path()
         self._began: float | None = None
+        self._seconds = 0.0
         self._cancelled_at = 0.0
         self._reason = ""
 
@@ -74,9 +79,20 @@ class CalibrationProgram(ABC):
     def begin(self, seconds: float) -> None:
         """Start the program, for so many seconds of the moving plate; raises `CommandError`."""
 
-    @abstractmethod
     def progress(self) -> str:
         """Return what the program does now, for the operator."""
+        if self._reason:
+            return f"ending: {self._reason}"
+        passed = self._recorded
+        if self._began is None:
+            return f"{self.starts}; {self.meanwhile}"
+        if passed < self._seconds:
+            return f"{self.records}, {passed:.0f} of {self._seconds:.0f} s; {self.meanwhile}"
+        return self._computes(passed - self._seconds)
+
+    @abstractmethod
+    def _computes(self, seconds: float) -> str:
+        """Return what the program does so long [s] after the recording."""
 
     @property
     def _bag(self) -> Path:
@@ -89,11 +105,13 @@ class CalibrationProgram(ABC):
             self._began = time.monotonic()
         return 0.0 if self._began is None else time.monotonic() - self._began
 
-    def _start(self, options: Mapping[str, str], *switches: str) -> None:
+    def _start(self, seconds: float, options: Mapping[str, str], *switches: str) -> None:
         """Start the program in a new folder, beside the options that both calibrations have.
 
         Parameters
         ----------
+        seconds
+            For which it records.
         options
             Value of each option; those with an empty value are left out.
         switches
@@ -120,7 +138,7 @@ class CalibrationProgram(ABC):
                 start_new_session=True,
                 preexec_fn=_begin,
             )
-        self._began, self._reason = None, ""
+        self._began, self._seconds, self._reason = None, seconds, ""
 
     def _new_folder(self) -> Path:
         self.model.parent.mkdir(parents=True, exist_ok=True)

@@ -34,6 +34,8 @@ class RigCalibrationProgram(CalibrationProgram):
     """
 
     what = "rig"
+    starts, records = "starting to record; the plate will move", "the plate moves"
+    meanwhile = "keep away from it"
 
     def __init__(
         self,
@@ -44,7 +46,6 @@ class RigCalibrationProgram(CalibrationProgram):
     ) -> None:
         super().__init__(model, namespace, program)
         self._movement = movement
-        self._seconds = 0.0
 
     @property
     def recording(self) -> bool:
@@ -78,18 +79,9 @@ class RigCalibrationProgram(CalibrationProgram):
         if movement.spring:
             options["--spring"] = f"{movement.spring:g}"
             options["--beside"] = str(self.model.absolute())
-        self._start(options)
-        self._seconds = seconds
+        self._start(seconds, options)
 
-    def progress(self) -> str:
-        """Return what the program does now, for the operator."""
-        if self._reason:
-            return f"ending: {self._reason}"
-        passed = self._recorded
-        if self._began is None:
-            return "starting to record; the plate will move: keep away from it"
-        if passed < self._seconds:
-            return f"the plate moves, {passed:.0f} of {self._seconds:.0f} s; keep away from it"
+    def _computes(self, seconds: float) -> str:
         return "ending the movement and computing; keep away from the plate"
 
     def _end(self, result: Mapping[str, Any]) -> CalibrationEnd:

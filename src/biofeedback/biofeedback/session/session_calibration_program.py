@@ -24,6 +24,7 @@ class SessionCalibrationProgram(CalibrationProgram):
     """
 
     what = "session"
+    starts, records, meanwhile = "starting to record", "recording", "the subject relaxes"
 
     def __init__(
         self,
@@ -34,7 +35,6 @@ class SessionCalibrationProgram(CalibrationProgram):
     ) -> None:
         super().__init__(model, namespace, program)
         self._rig_file = str(Path(rig_file).resolve()) if rig_file else ""
-        self._seconds = 0.0
 
     @property
     def recording(self) -> bool:
@@ -60,19 +60,10 @@ class SessionCalibrationProgram(CalibrationProgram):
             "--report": "diagnosis",
             "--rig": self._rig_file,
         }
-        self._start(options, "--no-hand-over")
-        self._seconds = seconds
+        self._start(seconds, options, "--no-hand-over")
 
-    def progress(self) -> str:
-        """Return what the program does now, for the operator."""
-        if self._reason:
-            return f"ending: {self._reason}"
-        passed = self._recorded
-        if self._began is None:
-            return "starting to record; the subject relaxes"
-        if passed < self._seconds:
-            return f"recording, {passed:.0f} of {self._seconds:.0f} s; the subject relaxes"
-        return f"diagnosing, {passed - self._seconds:.0f} s so far; one to three minutes are usual"
+    def _computes(self, seconds: float) -> str:
+        return f"diagnosing, {seconds:.0f} s so far; one to three minutes are usual"
 
     def _end(self, result: Mapping[str, Any]) -> CalibrationEnd:
         effects = [str(effect["name"]).replace("_", " ") for effect in result.get("effects", [])]
