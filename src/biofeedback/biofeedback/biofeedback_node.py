@@ -39,18 +39,16 @@ from biofeedback.errors import CommandError
 from biofeedback.graph_signals import GraphSignals
 from biofeedback.live_signals import LiveSignals
 from biofeedback.parameters import PARAMETERS
+from biofeedback.session.calibration_choice import calibration_of
 from biofeedback.session.calibration_files import file_checks, subject_file_of
-from biofeedback.session.calibration_program import CalibrationProgram
 from biofeedback.session.course import load_course
 from biofeedback.session.course_file import CourseFile
 from biofeedback.session.estimator_model import ModelOfEstimator
 from biofeedback.session.event_outbox import EventOutbox
 from biofeedback.session.perturbation_request import PerturbationRequest
-from biofeedback.session.rig_calibration_program import RigCalibrationProgram
 from biofeedback.session.rig_services import RigServices
 from biofeedback.session.runner import SessionRunner
 from biofeedback.session.saved_session import default_path, state_folder
-from biofeedback.session.session_calibration_program import SessionCalibrationProgram
 from biofeedback.session.session_files import SessionFiles
 from biofeedback.session.session_program import ARMED, RUNNING
 from biofeedback.session.simulated_subject import SimulatedSubject
@@ -59,8 +57,6 @@ from biofeedback.web.presenter import Presenter
 from biofeedback.web.server import Server
 from biofeedback.web.serving import Serving, addresses
 
-RIG_FILE_NAME = "rig.yaml"
-"""Name of the rig file where none is stated, in the folder of the sessions' progress."""
 LOOK_PERIOD = 1.0
 """[s] How soon a simulated subject that starts later is seen."""
 EVENTS_PERIOD = 0.2
@@ -86,7 +82,8 @@ class BiofeedbackNode(AnkleNode):
         model = subject_file_of(
             self.text("subject_file"), subject, visit, state_folder(), time.time()
         )
-        self._calibration = self._calibration_program(model)
+        protocol, rig_file = self._files.session.protocol, self.text("rig_file")
+        self._calibration = calibration_of(protocol, rig_file, model, self.get_namespace())
         self._runner = SessionRunner(
             self._files.session,
             signals,
@@ -96,7 +93,7 @@ class BiofeedbackNode(AnkleNode):
             self.now,
             self._files.keep,
             None if course is None else PerturbationRequest(self),
-            file_checks(self.text("rig_file"), self.number("rig_calibration_days"), str(model)),
+            file_checks(rig_file, self.number("rig_calibration_days"), str(model)),
             self._calibration,
             ModelOfEstimator(self),
         )
@@ -132,14 +129,6 @@ class BiofeedbackNode(AnkleNode):
         named = self.text("course_record")
         path = Path(named) if named else state_folder() / f"course_{subject}.yaml"
         return CourseFile(path, load_course(self.text("course")), subject, self._warn_of_progress)
-
-    def _calibration_program(self, model: Path) -> CalibrationProgram:
-        """Return what calibrates the rig where the protocol does that, else the session."""
-        named, movement = self.text("rig_file"), self._files.session.protocol.rig_movement
-        if movement is None:
-            return SessionCalibrationProgram(model, named, self.get_namespace())
-        rig = Path(named) if named else state_folder() / RIG_FILE_NAME
-        return RigCalibrationProgram(rig, movement, self.get_namespace())
 
     def _event_outbox(self) -> EventOutbox:
         events = self.create_publisher(String, SESSION_EVENT.name, publisher_qos(SESSION_EVENT))

@@ -9,8 +9,9 @@ import pytest
 from laboratory import until
 
 from biofeedback.errors import CommandError
+from biofeedback.session.calibration_choice import calibration_of
 from biofeedback.session.calibration_files import subject_file_of
-from biofeedback.session.protocol import RigMovement
+from biofeedback.session.protocol import RigMovement, load_protocol
 from biofeedback.session.rig_calibration_program import RigCalibrationProgram
 from biofeedback.session.session_calibration_program import SessionCalibrationProgram
 
@@ -158,6 +159,16 @@ def test_the_options_are_those_of_the_command(what, options):
     shown = CliRunner().invoke(app, words, env={"TERMINAL_WIDTH": "200"})
     for option in (*BOTH, *options):
         assert option in shown.output
+
+
+def test_the_protocol_says_what_is_calibrated(tmp_path):
+    model = tmp_path / "S07.yaml"
+    visit = calibration_of(load_protocol("visit"), "rig.yaml", model, "")
+    assert (visit.what, visit.model) == ("session", model)
+    rig = calibration_of(load_protocol("rig_calibration"), str(tmp_path / "a.yaml"), model, "")
+    assert (rig.what, rig.model) == ("rig", tmp_path / "a.yaml")
+    unnamed = calibration_of(load_protocol("rig_calibration"), "", model, "")
+    assert unnamed.model.name == "rig.yaml"
 
 
 def test_every_visit_has_a_subject_file_of_its_own():
