@@ -149,7 +149,7 @@ def test_the_next_movement_is_designed_with_what_the_last_recording_made_of_each
         for name in ("maxwell_relaxation", "short_range_stiffness")
     }
     one = OpenSet("maxwell_relaxation", dict(models))
-    investigation._judge([one], recording)
+    investigation._judge([one], recording, None)
     assert one.models["maxwell_relaxation"]["maxwell_relaxation"]["T"] == pytest.approx(
         0.1, rel=0.3
     )
@@ -237,7 +237,7 @@ def test_an_error_that_no_model_is_meant_for_is_capped(monkeypatch):
     one = OpenSet("hardening_stiffness", {"hardening_stiffness": values})
     without = SimpleNamespace(score=float("inf"))
     monkeypatch.setattr(OpenSet, "fitted_without", lambda *_: without)
-    answer = investigation._judge([one], recording)
+    answer = investigation._judge([one], recording, None)
     assert "without any of them more than 1000 %" in answer
 
 

@@ -92,7 +92,7 @@ def test_the_search_begins_once_more_from_what_is_left(searched, monkeypatch):
     begun = []
     found = joint_judgement.diagnose_together()
 
-    def search(*_, begin):
+    def search(*_, begin, **__):
         begun.append(begin)
         return found
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ankle_bringup.errors import RunError
+from ankle_bringup.known_rig import KnownRig, known_rig
 from ankle_bringup.terminal import (
     Out,
     Overwrite,
@@ -35,6 +36,7 @@ def verb(
         Path | None,
         typer.Option(help="Simulate this model file (YAML) instead of the running graph."),
     ] = None,
+    rig: KnownRig = None,
     joint: Annotated[
         str, typer.Option(help="ankle, knee, elbow, wrist, or a joint's file (YAML).")
     ] = "ankle",
@@ -71,7 +73,10 @@ def verb(
             f"joint '{profile.name}' in {profile.position_unit} and {profile.torque_unit}: give "
             "the joint of the model by --joint"
         )
+    known, carried = known_rig(rig, [bag])
     clear_folder(out, overwrite, "investigation.json")
+    if carried:
+        console.print(carried, soft_wrap=True)
     with working("investigating") as step, profile.in_force():
 
         def live(candidate: Candidate, duration: float, number: int) -> Recording | None:
@@ -79,7 +84,7 @@ def verb(
                 return _recorded(candidate, duration, out / f"round_{number}")
 
         conduct = live if model is None else SimulatedConduct(model, out=out)
-        story = investigate(bag, conduct, out, rounds, progress=step)
+        story = investigate(bag, conduct, out, rounds, progress=step, rig=known)
         write_investigation(story, out / "report.html")
     for one in story.rounds:
         console.print(profile.in_units(f"{one.title}, {one.duration:.0f} s: {one.answer}"))

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from ankle_physics.joint_profile import joint_in_force
+from ankle_physics.rig_file import RigFile
 from model_discrepancy.diagnose import Diagnosis, diagnose
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.problem import prepare
@@ -107,6 +108,8 @@ class Investigation:
         How many recordings were searched together last; one at first.
     found
         What that search found, with a model of each recording; None where there is one only.
+    rig
+        The calibrated rig of all recordings, which is taken as known; None where there is none.
     """
 
     first: Diagnosis
@@ -117,6 +120,7 @@ class Investigation:
     together: str = ""
     searched: int = 1
     found: Together | None = None
+    rig: RigFile | None = None
 
     @property
     def names(self) -> list[str]:
@@ -149,6 +153,7 @@ class Investigation:
         """Return plain data of ``investigation.json``."""
         return {
             "verdict": self.first.verdict.verdict,
+            "rig": None if self.rig is None else self.rig.title,
             "names": self.names,
             "ended": self.ended,
             "sets": [
@@ -188,6 +193,7 @@ def investigate(
     rounds: int = 3,
     library: Sequence[str] | None = None,
     progress: Progress = lambda _: None,
+    rig: RigFile | None = None,
 ) -> Investigation:
     """Find out which names of a recording's effects are right.
 
@@ -206,6 +212,8 @@ def investigate(
         Terms that may be named; None for all.
     progress
         Called with one line for each step.
+    rig
+        The calibrated rig of all recordings, which is taken as known.
 
     Raises
     ------
@@ -217,10 +225,10 @@ def investigate(
     recording = source if isinstance(source, Recording) else Recording.from_bag(source)
     folder = Path(out)
     folder.mkdir(parents=True, exist_ok=True)
-    first = diagnose(recording, folder / FIRST_FOLDER, library=library, progress=progress)
+    first = diagnose(recording, folder / FIRST_FOLDER, library=library, progress=progress, rig=rig)
     if first.verdict.verdict == "bad_recording":
         raise DiagnosisError(f"{recording.name} cannot be used: {first.verdict.reasons[0]}")
-    story = Investigation(first, _open_sets(first), recordings=[recording])
+    story = Investigation(first, _open_sets(first), recordings=[recording], rig=rig)
     asks = True
     while asks:
         story.ended = ""
@@ -242,7 +250,9 @@ def _search_together(
         return False
     progress("all recordings together")
     story.searched = len(story.recordings)
-    judged = judge_together(story.sets, story.recordings, library, progress, story.beside)
+    judged = judge_together(
+        story.sets, story.recordings, library, progress, story.beside, story.rig
+    )
     story.together, story.found = judged.sentence, judged.found
     return judged.asks
 
@@ -318,7 +328,7 @@ def _next_round(
         round_.answer = f"The recording cannot be used: {reasons[0]}."
         return ""
     progress(f"round {number}: judging {recording.name}")
-    round_.answer, round_.judged = _judge(unsettled, recording), True
+    round_.answer, round_.judged = _judge(unsettled, recording, story.rig), True
     story.recordings.append(recording)
     return ""
 
@@ -363,10 +373,10 @@ def _design(story: Investigation, folder: Path, number: int, progress: Progress)
     return design
 
 
-def _judge(sets: list[OpenSet], recording: Recording) -> str:
+def _judge(sets: list[OpenSet], recording: Recording, rig: RigFile | None) -> str:
     """Fit every name that is left to a new recording and exclude what it excludes."""
     findings = channel_findings(recording, identify_servo(recording, motion_step(recording)))
-    problem = prepare(trusted(recording, findings), joint_in_force().terms)
+    problem = prepare(trusted(recording, findings), joint_in_force().terms, rig=rig)
     fitter = problem.fitter
     said = []
     for one in sets:

@@ -23,6 +23,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from ankle_physics.rig_file import RigFile
 from model_discrepancy.fit.base_model import bic_change
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.parallel import side_by_side
@@ -70,6 +71,7 @@ def judge_together(
     library: Sequence[str] | None = None,
     progress: Progress = lambda _: None,
     beside: Values | None = None,
+    rig: RigFile | None = None,
 ) -> Judgement:
     """Search all recordings together, and replace, question or withdraw what is left of the sets
     that this contradicts.
@@ -86,6 +88,8 @@ def judge_together(
         Called with one line for each step.
     beside
         Values by term and symbol of other effects, which the sets do not ask about.
+    rig
+        The calibrated rig of all recordings, which is taken as known.
 
     Raises
     ------
@@ -98,7 +102,7 @@ def judge_together(
     for one in asked:
         likeliest = one.upheld[0]
         begin[likeliest] = one.model(likeliest).get(likeliest, {})
-    found = diagnose_together(named, library, progress, begin=begin)
+    found = diagnose_together(named, library, progress, rig=rig, begin=begin)
     shares = {effect.name: effect.share for effect in found.effects}
     known = set(beside or {}) | {name for one in asked for name in one.upheld}
     # What is named beside a set, or in another one, is no new name for it.
