@@ -107,11 +107,11 @@ def test_a_rig_file_is_replaced_by_a_calibration_that_went_well_and_kept_beside_
     rig = tmp_path / "rig.yaml"
     rig.write_text("old")
     failed = rig_program(tmp_path, "out.write_text('half'); sys.exit('error: a foot is on it')")
-    failed.begin(122.0)
+    failed.begin(132.0)
     assert "a foot is on it" in end_of(failed).problem
     assert rig.read_text() == "old"
     calibration = rig_program(tmp_path, CALIBRATED_RIG)
-    calibration.begin(122.0)
+    calibration.begin(132.0)
     assert calibration.recording
     assert "keep away" in calibration.progress()
     end = end_of(calibration)
@@ -131,9 +131,9 @@ def test_a_rig_file_is_replaced_by_a_calibration_that_went_well_and_kept_beside_
 def test_a_spring_completes_the_rig_file_that_is_there(tmp_path):
     calibration = rig_program(tmp_path, CALIBRATED_RIG, spring=110.0)
     with pytest.raises(CommandError, match="calibrate the rig with its plate empty first"):
-        calibration.begin(122.0)
+        calibration.begin(132.0)
     (tmp_path / "rig.yaml").write_text("empty plate")
-    calibration.begin(122.0)
+    calibration.begin(132.0)
     assert end_of(calibration).problem == ""
     (words,) = (json.loads(p.read_text()) for p in tmp_path.glob("rig_calibration_*/*.words"))
     assert words[words.index("--spring") + 1] == "110"

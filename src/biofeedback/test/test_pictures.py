@@ -127,7 +127,7 @@ TRACES = messages.TracesMessage(
 OF_RIG = replace(
     STATE,
     session=messages.SessionState(
-        "finished", "", "Calibration of the rig", "rig_calibration", 1, 1, 0, 0, 122.0,
+        "finished", "", "Calibration of the rig", "rig_calibration", 1, 1, 0, 0, 132.0,
         [None, None], 0, 0, "finished",
     ),
     baseline=None,

@@ -122,8 +122,7 @@ def with_compliance(
 ) -> RigFile:
     """Return a rig file with the compliance of the servo that a spring on the plate shows.
 
-    The torque of a spring covers that of the plate's inertia, from which delay and mode of the
-    torque sensor are read, so that an empty plate shows all else better.
+    All else stays as the file states it: it was calibrated once, and may be in use.
 
     Parameters
     ----------
@@ -293,11 +292,6 @@ def _terms(
         }
     if found.lag is not None:
         values["torque_sensor_lag"] = {"T": found.lag}
-    elif found.mode is None and "footplate_friction" in values:
-        remarks.append(
-            "a lag of the torque sensor would be counted as delay: beside the friction of this "
-            "bearing it is not seen. Inertia and delay are then off by more than their errors"
-        )
     if found.mode is not None:
         values["torque_sensor_mode"] = {"frequency": found.mode[0], "damping": found.mode[1]}
     if found.servo_stiffness is not None:
@@ -305,14 +299,7 @@ def _terms(
     else:
         remarks.append(
             "how far the servo gives way was not found: the load was too small. Mount "
-            f"{USUAL_SPRINGS} and complete this file with it (--spring with --beside)"
-        )
-    if load.spring:
-        remarks.append(
-            "a spring covers what the torque sensor does to the plate's inertia: delay, mode of "
-            "the sensor and inertia may be off by more than their standard errors, and a mode may "
-            "be missing. Calibrate with the plate empty, and complete that file with the spring "
-            "(--beside)"
+            f"{USUAL_SPRINGS} and calibrate with it (--spring)"
         )
     remarks += _without_implausible(values)
     return values, remarks

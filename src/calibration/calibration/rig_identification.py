@@ -8,10 +8,10 @@ far better than the channel itself. That part is found as a smoothed transfer fr
     velocity(f) = 2 pi i f x(f) e^(-2 pi i f d_v)
     x(f)        = H(f) [r(f) - torque(f) / k_a]
 
-S is 1, a lag or a mode of the torque sensor, the latter two where they take away a good part of
-what is left beyond noise; H the servo; r the reference. c is the course of the friction, tanh(v /
-v0) while the plate moves, which relaxes behind a movement (`plate_fit.friction_of`). Standard
-errors come from the scatter of what is left between bands of frequency.
+S is 1, a lag or a mode of the torque sensor. It, d and Ip are found where the plate keeps moving
+one way, so that friction holds still (`sensor_fit`). Friction and weight are found in all of the
+recording (`plate_fit`); c is the course of the friction, tanh(v / v0) while the plate moves, which
+relaxes behind a movement (`friction_course`). H is the servo (`servo_fit`), r the reference.
 """
 
 from __future__ import annotations
@@ -22,8 +22,10 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from calibration.fitted_value import Found, stacked_parts, standard_errors
+from calibration.friction_course import Friction
 from calibration.plate_fit import fit_plate
 from calibration.rig_spectra import RigSpectra, Signals, rest_of, scatter
+from calibration.sensor_fit import SensorSearch
 from calibration.servo_fit import fit_servo
 
 # Of servo and torque in turn; the load changes by less than its error in a fourth.
@@ -88,19 +90,22 @@ def identify_rig(signals: Signals) -> IdentifiedRig:
     Raises
     ------
     CalibrationError
-        No rest at the start, no movement, or a torque that does not follow the plate.
+        No rest at the start, no movement, hardly any that keeps its direction, or a torque that
+        does not follow the plate.
     """
     rest = rest_of(signals)
     spectra = RigSpectra(signals, rest)
     # First with the torque as it is read, then with the torque that acts, sensor undone: near a
     # mode of the sensor the two differ, and with them the motion of a servo that gives way.
     read = spectra.following(spectra.torque, spectra.reference, known=False)
-    servo, fit = fit_servo(spectra, read), None
+    servo, search = fit_servo(spectra, read), SensorSearch(spectra, rest)
+    friction = Friction()
     for _ in range(ROUNDS):
         motion = spectra.motion(servo.motion)
-        fit = fit_plate(spectra, motion, fit)
-        servo = fit_servo(spectra, read / fit.response)
-    assert fit is not None
+        sensor = search.run(motion, spectra.following(spectra.position, servo.motion), friction)
+        plate = fit_plate(spectra, motion, sensor)
+        friction = plate.course
+        servo = fit_servo(spectra, read / sensor.response)
     zero_position = float(np.mean((signals.position - signals.reference)[rest]))
     at_rest = float(np.mean(signals.torque[rest]))
     noise = (
@@ -109,21 +114,23 @@ def identify_rig(signals: Signals) -> IdentifiedRig:
         scatter(signals.torque[rest]),
     )
     return IdentifiedRig(
-        torque_delay=fit.shape["delay"],
+        torque_delay=sensor.shape["delay"],
         velocity_delay=_velocity_delay(spectra, motion),
-        inertia=fit.linear["inertia"],
-        friction=fit.linear["friction"],
-        friction_velocity=fit.shape["friction_velocity"],
-        slope=fit.linear["slope"],
-        lag=fit.shape.get("lag"),
-        mode=(fit.shape["mode"], fit.shape["mode_damping"]) if "mode" in fit.shape else None,
+        inertia=sensor.inertia,
+        friction=plate.friction,
+        friction_velocity=plate.friction_velocity,
+        slope=plate.slope,
+        lag=sensor.shape.get("lag"),
+        mode=(
+            (sensor.shape["mode"], sensor.shape["mode_damping"]) if "mode" in sensor.shape else None
+        ),
         bandwidth=servo.bandwidth,
         damping=servo.damping,
         servo_stiffness=servo.stiffness,
         zero_position=zero_position,
         zero_torque=at_rest,
         noise=noise,
-        vaf=fit.vaf,
+        vaf=plate.vaf,
     )
 
 

@@ -10,8 +10,9 @@ from scipy.optimize import least_squares
 from calibration.fitted_value import Found, stacked_parts, standard_errors
 from calibration.rig_spectra import RigSpectra
 
-# A sag is stated where its relative standard error is at most this; else a load is needed.
-SAG_ACCURACY = 0.1
+# A sag is stated where its relative standard error is at most this; else a load is needed. On the
+# independent rig an empty plate of more gave 11 and 41 % too much, and one of less 1 %.
+SAG_ACCURACY = 0.02
 SERVO_STARTS = (15.0, 30.0, 60.0)  # Hz
 
 

@@ -1,7 +1,8 @@
-"""The movements that calibrate a rig: rest, fast steps of random size, slow sweeps, rest.
+"""The movements that calibrate a rig: rest, fast steps, sweeps of uneven speed, slow sweeps, rest.
 
-Fast edges excite plate, servo and torque sensor; slow sweeps over the range show weight, friction
-and how far the servo sags; rest shows zeros and noise.
+Fast steps of random size excite plate and servo. Sweeps that keep their direction while their speed
+jumps show inertia and torque sensor without any change of the friction. Slow sweeps over the range
+show weight, friction and how far the servo sags; rest shows zeros and noise.
 """
 
 from __future__ import annotations
@@ -13,31 +14,42 @@ from perturbation_generator.edge_train import EdgeTrain
 from perturbation_generator.edges import Extremes, Polynomial
 from perturbation_generator.settings import Settings
 from perturbation_generator.signal import Onset, Signal
+from perturbation_generator.uneven_sweep import (
+    LONGEST_SWEEP,
+    SweepTrain,
+    UnevenSweep,
+    extremes,
+)
 
 INITIAL_REST = 10.0
 """[s] Rest at the start. A recorder that has just begun may hear the samples later than the
 reference: by 2.2 s, and by 3 s on a busy computer."""
 FINAL_REST = 4.0
 """[s] Rest at the end: 8192 samples give a zero to within a hundredth of the noise."""
-FAST_TIME = 60.0
-"""[s] Duration of the fast edges, about 160: a delay is then known to 0.02 ms with 0.14 N.m of
-torque noise."""
+FAST_TIME = 24.0
+"""[s] Duration of the fast edges, about 60: servo and friction are then known to a per cent."""
 PAUSES = (0.25, 0.5)
 """[s] Shortest and longest pause between fast edges: plate and sensor have come to rest."""
 LEVELS = (-1.0, -0.5, 0.0, 0.5, 1.0)
 """Parts of the amplitude that steps go to, so that steps have many sizes and both directions."""
+UNEVEN_TIME = 46.0
+"""[s] Duration of the sweeps of uneven speed, about 180: a delay is then known to 0.02 ms with 0.14
+N.m of torque noise, and to 0.1 ms beside a lag of the torque sensor."""
 SWEEP_TIME = 5.0
 """[s] Time of a sweep from one end of the range to the other: 0.03 rad/s, slow against friction's
 velocity."""
 SWEEPS = 6
 HOLD_TIME = 1.0
 """[s] Rest at each end of a sweep."""
-DURATION = INITIAL_REST + FAST_TIME + (SWEEPS + 2) * (SWEEP_TIME + HOLD_TIME) + FINAL_REST
+SLOW_TIME = (SWEEPS + 2) * (SWEEP_TIME + HOLD_TIME)
+"""[s] Duration of the slow sweeps."""
+DURATION = INITIAL_REST + FAST_TIME + UNEVEN_TIME + SLOW_TIME + FINAL_REST
 """[s] Duration of the whole, after which the plate rests."""
 
 
 class RigCalibration(Signal):
-    """Steps by random heights on both sides of rest, then sweeps slowly over the same range.
+    """Steps by random heights on both sides of rest, then sweeps over the same range, at first with
+    a speed that jumps, then slowly.
 
     Its onsets are the fast edges only; a sweep evokes nothing.
     """
@@ -58,6 +70,7 @@ class RigCalibration(Signal):
     def __init__(self, settings: Settings, **own: Value) -> None:
         super().__init__(settings, **own)
         self._fast = EdgeTrain(settings.shape, settings.rate)
+        self._uneven = SweepTrain(settings.rate)
         self._slow = EdgeTrain(Polynomial(SWEEP_TIME), settings.rate)
         self._random = np.random.default_rng(settings.seed)
         if not self.awaits_requests:
@@ -82,9 +95,15 @@ class RigCalibration(Signal):
         return start
 
     def _plan(self, start: float) -> None:
+        last = self.settings.end - FINAL_REST
+        self._plan_steps(start + INITIAL_REST, last)
+        self._plan_uneven_sweeps(start + INITIAL_REST + FAST_TIME, last)
+        self._plan_slow_sweeps(start + INITIAL_REST + FAST_TIME + UNEVEN_TIME + HOLD_TIME)
+
+    def _plan_steps(self, time: float, last: float) -> None:
         random = self._random
-        time, level, amplitude = start + INITIAL_REST, 0.0, self.amplitude
-        end = min(start + INITIAL_REST + FAST_TIME, self.settings.end - FINAL_REST)
+        level, amplitude = 0.0, self.amplitude
+        end = min(time + FAST_TIME, last)
         while time < end - 2.0 * PAUSES[1]:
             # No step is larger than the amplitude, which velocity and acceleration allow.
             near = [k * amplitude for k in LEVELS if 0.0 < abs(k * amplitude - level) <= amplitude]
@@ -96,8 +115,18 @@ class RigCalibration(Signal):
         if level:
             self._onsets.append(Onset(time, -1 if level > 0 else 1, abs(level)))
             self._fast.add(time, 0.0)
-        time = start + INITIAL_REST + FAST_TIME + HOLD_TIME
-        targets = [amplitude * (-1.0) ** k for k in range(SWEEPS)]
+
+    def _plan_uneven_sweeps(self, time: float, last: float) -> None:
+        end, level, target = min(time + UNEVEN_TIME, last), 0.0, self.amplitude
+        while self.amplitude > 0.0 and time + 2.0 * LONGEST_SWEEP < end:
+            sweep = UnevenSweep.drawn(time, level, target, self.amplitude, self._random)
+            self._uneven.add(sweep)
+            time, level, target = sweep.end, target, -target
+        if level:
+            self._uneven.add(UnevenSweep.drawn(time, level, 0.0, self.amplitude, self._random))
+
+    def _plan_slow_sweeps(self, time: float) -> None:
+        targets = [self.amplitude * (-1.0) ** k for k in range(SWEEPS)]
         for target in targets:
             if time + 2.0 * (SWEEP_TIME + HOLD_TIME) > self.settings.end:
                 break
@@ -112,7 +141,13 @@ class RigCalibration(Signal):
     def extremes(self, amplitude: float) -> Extremes:
         """See `Signal.extremes`: no step is larger than the amplitude."""
         edge = self.settings.shape.extremes(amplitude, PAUSES[0], self.settings.rate)
-        return Extremes(amplitude, edge.velocity, edge.acceleration)
+        sweep = extremes(amplitude)
+        return Extremes(
+            amplitude,
+            max(edge.velocity, sweep.velocity),
+            max(edge.acceleration, sweep.acceleration),
+        )
 
     def _samples(self, first: int, n: int) -> np.ndarray:
-        return self._fast.samples(first, n) + self._slow.samples(first, n)
+        trains = (self._fast, self._uneven, self._slow)
+        return np.sum([train.samples(first, n) for train in trains], axis=0)

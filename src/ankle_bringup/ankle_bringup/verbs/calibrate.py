@@ -91,14 +91,14 @@ def rig(
     namespace: Namespace = "",
     overwrite: Overwrite = False,
 ) -> dict[str, Any]:
-    """Calibrate the rig: plate empty or with a known load, two minutes of steps and slow sweeps.
+    """Calibrate the rig: plate empty or with a known load, two minutes of steps and sweeps.
 
     Finds delays between the channels, inertia, friction and weight of the plate, lag or resonance
     of the torque sensor, the servo and how far it gives way, zeros and noise, with standard errors.
     Remove the foot from the plate first. Without a bag the laboratory has to run ('ankle up
     rig_to_calibrate'), its rig armed and started: the plate rests until this command moves it. Its
-    operator's page does the same. How far the servo gives way shows with a spring, and all else
-    without one: calibrate the empty plate first, then complete its file (--beside).
+    operator's page does the same. A plate that is light shows how far the servo gives way only with
+    a spring on it (--spring), which a file of the empty plate may be completed with (--beside).
 
     Example: ankle calibrate rig --title 'laboratory 2' --out rig.yaml
     """
