@@ -33,7 +33,7 @@ PAUSES = (0.25, 0.5)
 LEVELS = (-1.0, -0.5, 0.0, 0.5, 1.0)
 """Parts of the amplitude that steps go to, so that steps have many sizes and both directions."""
 UNEVEN_TIME = 46.0
-"""[s] Duration of the sweeps of uneven speed, about 180: a delay is then known to 0.02 ms with 0.14
+"""[s] Duration of the sweeps of uneven speed, about 240: a delay is then known to 0.02 ms with 0.14
 N.m of torque noise, and to 0.1 ms beside a lag of the torque sensor."""
 SWEEP_TIME = 5.0
 """[s] Time of a sweep from one end of the range to the other: 0.03 rad/s, slow against friction's

@@ -20,9 +20,9 @@ import numpy as np
 from perturbation_generator.edge_train import INDEX_ROUNDING
 from perturbation_generator.edges import Extremes, Polynomial
 
-SPEEDS = (3.0, 15.0)
-"""[1/s] Slow and fast speed, in amplitudes a second. The slow one lies above what a servo with a
-damping of 0.6 falls short by, a tenth of the difference, so that the plate does not stop."""
+SPEEDS = (4.5, 18.0)
+"""[1/s] Slow and fast speed, in amplitudes a second. The slow one is twice what a servo with a
+damping of 0.5 falls short by, a sixth of the difference, so that the plate does not stop."""
 EDGE_TIME = 0.008
 """[s] From one speed to the next: fast enough for 100 Hz, slow against the acceleration of a step
 of the same amplitude within 24 ms."""
