@@ -9,6 +9,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from typer.testing import CliRunner
 
+from ankle_bringup import live_graph
 from ankle_bringup.command_line import app
 from ankle_bringup.errors import RunError
 from ankle_bringup.live_graph import describe_parameters, echo, observer
@@ -125,3 +126,10 @@ def test_what_a_latched_topic_said_before_is_shown(topic):
 def test_a_silent_topic_of_events_says_that_earlier_ones_are_not_sent_again(events):
     done = CliRunner().invoke(app, ["echo", SESSION_EVENT.absolute, "--seconds", "0.2"])
     assert "events of before are not sent again" in str(done.exception)
+
+
+def test_a_topic_of_a_laboratory_with_a_namespace_is_looked_for_there(monkeypatch):
+    monkeypatch.setattr(live_graph, "ANSWER_SECONDS", 0.2)
+    asked = ["echo", SESSION_EVENT.absolute, "--namespace", "left"]
+    done = CliRunner().invoke(app, asked)
+    assert f"nobody publishes '/left{SESSION_EVENT.absolute}'" in str(done.exception)

@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from ankle_bringup.terminal import Namespace
+
 
 def verb(
     topic: Annotated[str, typer.Argument(help="Name of the topic, as in /impedance/estimate.")],
@@ -15,6 +17,7 @@ def verb(
     seconds: Annotated[
         float, typer.Option(help="End when nothing has come for so many seconds.")
     ] = 10.0,
+    namespace: Namespace = "",
 ) -> None:
     """Show the messages of a topic: blocks as tables, all others as YAML.
 
@@ -24,8 +27,10 @@ def verb(
     from ankle_bringup.live_graph import echo, observer
     from ankle_interfaces.topics import SESSION_EVENT
 
-    with observer() as node:
-        shown = echo(node, topic, lambda text: print(text, flush=True), count, seconds)
+    # Names of topics as the laboratory's own documentation writes them, with a slash, are its own.
+    name = topic.lstrip("/") if namespace else topic
+    with observer(namespace=namespace) as node:
+        shown = echo(node, name, lambda text: print(text, flush=True), count, seconds)
     if shown == 0:
         late = (
             "; events of before are not sent again: begin before they happen, or look into the bag"
