@@ -227,3 +227,13 @@ def test_nothing_is_measured_before_samples_are_received(tmp_path):
     virtual.signals.feed_samples(np.full((1, 4), virtual.now), 2048.0, virtual.now)
     asyncio.run(virtual.runner.carry_out(command))
     assert virtual.runner.checks.entries.states["zero"] == RUNNING
+
+
+@pytest.mark.parametrize("name", ["no_foot_on_plate", "spring_on_plate"])
+def test_what_keeps_a_person_out_of_a_moving_rig_is_confirmed_and_not_skipped(name):
+    checks = CheckList((name,))
+    with pytest.raises(CommandError, match="cannot be skipped: confirm it"):
+        checks.skip(name)
+    assert checks.missing
+    checks.begin(name, 0.0)
+    assert not checks.missing

@@ -56,7 +56,9 @@ def bins(levels, ripple, pulse=None):
 
 
 def check(name, title, state, result, in_motion=False):
-    return messages.CheckState(name, title, "", not in_motion, False, in_motion, state, result)
+    return messages.CheckState(
+        name, title, "", not in_motion, False, False, in_motion, state, result
+    )
 
 
 STATE = messages.State(

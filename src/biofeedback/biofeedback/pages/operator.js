@@ -278,14 +278,14 @@ const rounded = (value) => (Math.abs(value) < 1 ? Number(value.toFixed(3)) : thr
 
 const CHECK_SIGNS = { open: "○", running: "…", done: "✓", failed: "✕", skipped: "–" };
 
-// The visit's check list, hidden once it is complete, but for the result of a rig's calibration: each entry with what to do, its result, and its two buttons.
+// The visit's check list, hidden once it is complete, but for the result of a rig's calibration: each entry with what to do, its result, and its buttons; a required one cannot be skipped.
 function showChecks(checks) {
   const missing = checks.filter(({ state }) => state !== "done" && state !== "skipped");
   by("check-list").hidden = !missing.length && !ofRig(last);
   const shown = JSON.stringify([checks, inCommand]);
   if (by("checks").dataset.shown === shown) return;
   by("checks").dataset.shown = shown;
-  by("checks").replaceChildren(...checks.map(({ name, title, instruction, measured, from_file: fromFile, in_motion: inMotion, state, result }) => {
+  by("checks").replaceChildren(...checks.map(({ name, title, instruction, measured, required, from_file: fromFile, in_motion: inMotion, state, result }) => {
     const item = document.createElement("li"), text = document.createElement("p");
     item.className = { done: "ok", skipped: "ok", failed: "error", running: "warning" }[state] ?? "";
     const head = document.createElement("b");
@@ -297,7 +297,7 @@ function showChecks(checks) {
     item.append(text);
     if (state !== "done" && state !== "skipped") {
       const begin = inMotion ? (state === "failed" ? "Calibrate again" : "Calibrate") : fromFile ? "Read again" : !measured ? "Confirm" : state === "failed" ? "Again" : "Measure";
-      for (const [act, word] of [["begin", begin], ["skip", "Skip"]]) {
+      for (const [act, word] of required ? [["begin", begin]] : [["begin", begin], ["skip", "Skip"]]) {
         const button = document.createElement("button");
         button.className = "slim";
         button.textContent = word;

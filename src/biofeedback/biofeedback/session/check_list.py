@@ -46,11 +46,14 @@ class Check:
         What operator and subject do.
     duration
         [s] for which signals are gathered; 0: the operator confirms, or a file answers.
+    required
+        Whether it cannot be skipped, since somebody could be hurt.
     """
 
     title: str
     instruction: str
     duration: float = 0.0
+    required: bool = False
 
 
 CHECKS = {
@@ -75,9 +78,12 @@ CHECKS = {
     "no_foot_on_plate": Check(
         "No foot on the plate",
         "Nobody sits in the rig, nothing loose is on the plate, all hands are away; then confirm.",
+        required=True,
     ),
     "spring_on_plate": Check(
-        "Spring on the plate", "The known spring is mounted, and nothing else; then confirm."
+        "Spring on the plate",
+        "The known spring is mounted, and nothing else; then confirm.",
+        required=True,
     ),
     CALIBRATE_RIG: Check(
         "Rig calibration", "Arm and start: the plate then moves by itself for two minutes."
@@ -244,9 +250,11 @@ class CheckList:
         Raises
         ------
         CommandError
-            It is not of this visit.
+            It is not of this visit, or required.
         """
         self._require(name)
+        if CHECKS[name].required:
+            raise CommandError(f"'{CHECKS[name].title}' cannot be skipped: confirm it")
         if self._running == name:
             self._running = None
         self.states[name] = SKIPPED

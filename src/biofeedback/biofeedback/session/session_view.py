@@ -141,6 +141,7 @@ def _checks(checks: CheckList) -> list[dict[str, Any]]:
             "title": CHECKS[name].title,
             "instruction": CHECKS[name].instruction,
             "measured": CHECKS[name].duration > 0.0,
+            "required": CHECKS[name].required,
             "from_file": checks.from_file(name),
             "in_motion": name in checks.in_motion,
             "state": state,

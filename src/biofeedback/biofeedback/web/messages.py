@@ -212,14 +212,15 @@ class LogEntry:
 
 @dataclasses.dataclass(frozen=True)
 class CheckState:
-    """Holds an entry of the check list: its words, whether it is measured, a file answers it, or it
-    needs the running perturbation, and what came of it.
+    """Holds an entry of the check list: its words, whether it is measured, cannot be skipped, is
+    answered by a file, or needs the running perturbation, and what came of it.
     """
 
     name: str
     title: str
     instruction: str
     measured: bool
+    required: bool
     from_file: bool
     in_motion: bool
     state: str
