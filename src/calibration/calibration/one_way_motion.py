@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len
+from scipy.signal import detrend
 
 from calibration.errors import CalibrationError
 from calibration.rig_spectra import HIGHEST_FREQUENCY, RigSpectra
@@ -115,9 +116,14 @@ class OneWayMotion:
         return samples - slopes[self.stretch] * self._slope
 
     def variance(self, spectrum: np.ndarray, part: slice) -> float:
-        """Return the variance of a spectrum's signal in a part of the recording's samples."""
+        """Return the variance of a spectrum's signal in a part of the recording's samples, cut into
+        pieces as long as a stretch, each without its mean and slope.
+        """
         first, last = (round(k * self._scale) for k in (part.start, part.stop))
-        return float(np.var(self._signal(spectrum)[first:last]))
+        length = int(np.median(self._lengths))
+        count = (last - first) // length
+        pieces = self._signal(spectrum)[first : first + count * length].reshape(count, length)
+        return float(np.mean(detrend(pieces, axis=1) ** 2))
 
     def _signal(self, spectrum: np.ndarray) -> np.ndarray:
         whole = np.zeros(self._size // 2 + 1, dtype=complex)

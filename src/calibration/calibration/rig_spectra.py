@@ -16,8 +16,6 @@ FREQUENCY_RESOLUTION = 1.0  # Hz
 SERVO_MODEL_ERROR = 0.02
 # Fast edges reach no further through a drive of 30 Hz.
 HIGHEST_FREQUENCY = 120.0  # Hz
-# Noise is taken off what is left only as far as this many of its standard errors allow.
-NOISE_DEVIATIONS = 3.0
 # A plate holds still for at least this long at the start.
 MIN_REST_DURATION = 0.5  # s
 # Left out behind the start of rest, while the plate settles.
@@ -92,8 +90,6 @@ class RigSpectra:
         Of the lines [Hz]; `omega` is 2 pi i times it [rad/s].
     reference, position, torque, velocity
         Spectra at these lines; None where there is no velocity.
-    torque_noise
-        Sum over the lines of the squared size that the torque's noise has at the least.
     """
 
     def __init__(self, signals: Signals, rest: slice) -> None:
@@ -109,9 +105,6 @@ class RigSpectra:
         self.reference = self._raw(signals.reference - signals.reference[0])
         self.position = self._raw(signals.position - signals.position[rest].mean())
         self.torque = self._raw(signals.torque - signals.torque[rest].mean())
-        noise = self._noise(signals.torque, rest)
-        lines = len(self.frequency) * (rest.stop - rest.start) / self.length
-        self.torque_noise = max(0.0, 1.0 - NOISE_DEVIATIONS / math.sqrt(lines)) * noise
         self._position_noise = self._noise(signals.position, rest) / len(self.frequency)
         self.velocity = None
         if signals.velocity is not None:
