@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from model_discrepancy.tools import investigation, joint_judgement
+from model_discrepancy.tools.candidate_movements import Candidate
+from model_discrepancy.tools.experiment_design import Design, Proposal, RivalSet
 from model_discrepancy.tools.investigation import Round, investigate
 from model_discrepancy.tools.joint_candidates import Rivals
 from model_discrepancy.tools.joint_judgement import Judgement, judge_together, settle_doubts
@@ -138,6 +140,35 @@ def test_names_that_no_designed_recording_needs_or_that_only_refine_are_withdraw
     assert one.left == left
 
 
+@pytest.mark.parametrize(
+    ("share", "verdict", "left"),
+    [
+        (0.9, "explained", ["reflex_exponent"]),
+        (0.04, "explained", []),
+        (0.4, "unexplained", []),
+    ],
+)
+def test_what_more_recordings_name_and_confirm_takes_the_place_of_nothing(
+    searched, share, verdict, left
+):
+    searched({"inertia": 1.0 - share, "reflex_exponent": share}, verdict)
+    one = open_set()
+    one.left = []
+    judged = judge_together([one], [], beside={"inertia": {}})
+    assert one.left == left
+    assert ("is named where nothing was left" in judged.sentence) == bool(left)
+    assert not judged.asks
+
+
+def test_what_more_recordings_name_must_be_needed_by_a_designed_one(searched, monkeypatch):
+    searched({"reflex_exponent": 1.0}, "explained")
+    monkeypatch.setattr(joint_judgement, "_needless", lambda *_: True)
+    one = open_set()
+    one.left = []
+    judge_together([one], [])
+    assert one.left == []
+
+
 def test_a_name_that_only_refines_a_model_does_not_question_a_set(searched):
     searched({"inertia": 0.6, "tendon": 0.36, "reflex_exponent": 0.04}, "explained")
     one = open_set()
@@ -170,7 +201,7 @@ def test_a_doubted_name_is_fitted_without_the_one_that_was_put_beside_it(searche
 def story_of(monkeypatch, tmp_path):
     """Return an investigation whose rounds and joint searches are counted and not made."""
 
-    def made(asks, recorded=True, rounds=3):
+    def made(asks, recorded=True, rounds=3, withdraws=False):
         effects = [{"name": "tendon"}]
         diagnosis = SimpleNamespace(
             verdict=SimpleNamespace(verdict="explained", effects=effects, parameters={}),
@@ -187,8 +218,10 @@ def story_of(monkeypatch, tmp_path):
             story.recordings.append(SimpleNamespace(name="next"))
             return ""
 
-        def judge(*_):
+        def judge(sets, *_):
             searches.append(1)
+            if withdraws:
+                sets[0].left = [] if len(searches) == 1 else ["reflex_exponent"]
             return Judgement("said.", asks)
 
         monkeypatch.setattr(investigation, "_next_round", next_round)
@@ -200,15 +233,89 @@ def story_of(monkeypatch, tmp_path):
     return made
 
 
-@pytest.mark.parametrize(("asks", "searches"), [(True, 3), (False, 1)])
+@pytest.mark.parametrize(
+    ("asks", "searches", "ended"),
+    [(True, 3, "The budget of 3 recordings is spent."), (False, 1, "nothing more tells")],
+)
 def test_it_goes_on_while_the_search_of_all_recordings_asks_and_the_budget_lasts(
-    story_of, asks, searches
+    story_of, asks, searches, ended
 ):
     story, searched = story_of(asks)
     assert searched == len(story.rounds) == searches
-    assert story.ended == "nothing more tells"
+    assert story.ended == ended
 
 
 def test_it_does_not_go_on_without_consent(story_of):
     story, searched = story_of(True, recorded=False)
     assert searched == len(story.rounds) == 1
+
+
+def test_it_goes_on_where_a_set_was_withdrawn_until_something_is_named(story_of):
+    story, searched = story_of(False, withdraws=True)
+    assert searched == len(story.rounds) == 2
+    assert story.names == ["reflex_exponent"]
+    assert story.ended == "Each effect has one name."
+
+
+@pytest.mark.parametrize(
+    ("left", "effects", "ended"),
+    [
+        (["tendon"], ["tendon"], "Each effect has one name."),
+        ([], ["tendon", "inertia"], "Each effect that is left has one name."),
+        (list(OLD), ["tendon"], "The budget of 1 recording is spent."),
+        ([], ["tendon"], "The budget of 1 recording is spent."),
+    ],
+)
+def test_why_it_ended_is_said_of_what_the_search_of_all_recordings_left(left, effects, ended):
+    verdict = SimpleNamespace(effects=[{"name": name} for name in effects])
+    one = open_set()
+    one.left = left
+    story = investigation.Investigation(SimpleNamespace(verdict=verdict), [one])
+    story.rounds, story.ended = [Round("", "", "steps", 60.0, "")], "what the round before said"
+    assert investigation._ending(story, 1) == ended
+    story.rounds = [Round("", "", "steps", 0.0, "")]
+    assert investigation._ending(story, 1) == "what the round before said"
+
+
+@pytest.fixture
+def withdrawn(monkeypatch):
+    """Return an investigation whose only set was withdrawn, and the design that is asked for."""
+    asked = []
+
+    def design(_, sets, *__):
+        asked.extend(name for one in sets for name in one.models)
+        pairs = {(OLD[0], OLD[1]): 0.2, (OLD[1], OLD[0]): 0.2}
+        proposal = Proposal(Candidate("steps", {}), 0.2, 1.0, OLD, pairs, True)
+        return Design([RivalSet({name: {} for name in OLD}, 0.0)], [proposal], [])
+
+    monkeypatch.setattr(investigation, "_design", design)
+    monkeypatch.setattr(investigation, "faults", lambda _: [])
+    one = open_set()
+    one.left = []
+    recording = SimpleNamespace(name="made", duration=60.0)
+    story = investigation.Investigation(None, [one], recordings=[recording], searched=1)
+    story.rounds = [Round("", "", "sines", 60.0, "", judged=True)]
+    return story, recording, asked
+
+
+def test_where_no_name_is_left_a_movement_is_made_that_tells_the_stand_ins_apart(
+    withdrawn, tmp_path
+):
+    story, recording, asked = withdrawn
+
+    def next_round(rounds):
+        return investigation._next_round(
+            story, lambda *_: recording, tmp_path, rounds, lambda _: None
+        )
+
+    assert "budget of 1 recording is spent" in next_round(1)
+    assert next_round(3) == ""
+    assert tuple(asked) == OLD
+    assert story.recordings == [recording, recording]
+    assert "none of tendon, reflex threshold holds" in story.rounds[-1].question
+    # One at a time: it is searched together with the others before the next one is made.
+    assert next_round(3) == "All recordings are searched together."
+    assert len(story.recordings) == 2
+    story.searched = 2
+    story.sets[0].models = {"tendon": {}}
+    assert next_round(3) == "No name is left to ask about."

@@ -5,7 +5,8 @@ left, or until the budget of recordings is spent. A rival is fitted to every rec
 subject's state changes from one to the next; what counts is how much more whitened error it leaves
 than the likeliest name of its set, beside how much that differs from stretch to stretch. Then all
 recordings are searched together, which may name what was in no set. Where this leaves something to
-ask, the investigation goes on with what is left of its budget.
+ask, or withdraws a set and leaves an effect without a name, the investigation goes on with what is
+left of its budget: an effect that one recording shows under wrong names is named by several.
 """
 
 from __future__ import annotations
@@ -52,6 +53,7 @@ FIRST_FOLDER, TOGETHER_FOLDER = "first", "together"
 """Folders of an investigation: the diagnosis of the first recording, and what the search of all
 recordings together wrote."""
 
+ONE_NAME_EACH = "Each effect has one name."
 Progress = Callable[[str], None]
 Conduct = Callable[[Candidate, float, int], Recording | None]
 """Records a movement: the candidate, its duration [s] and the number of the round from 1; None
@@ -236,15 +238,33 @@ def investigate(
             story.ended = _next_round(story, conduct, folder, rounds, progress)
         asks = _search_together(story, library, progress) and _may_go_on(story, rounds)
     story.together += settle_doubts(story.sets)
+    story.ended = _ending(story, rounds)
     story.save(folder)
     return story
+
+
+def _ending(story: Investigation, rounds: int) -> str:
+    """Return why the investigation ended, in one sentence, once all recordings were searched
+    together: this may have changed what the last round left.
+    """
+    if not story.sets or (story.rounds and story.rounds[-1].duration == 0.0):
+        return story.ended
+    if any(one.open for one in story.sets) or not story.names:
+        return _spent(rounds) if len(story.rounds) >= rounds else story.ended
+    if any(one.withdrawn for one in story.sets):
+        return "Each effect that is left has one name."
+    return ONE_NAME_EACH
+
+
+def _spent(rounds: int) -> str:
+    return f"The budget of {rounds} recording{'s' if rounds > 1 else ''} is spent."
 
 
 def _search_together(
     story: Investigation, library: Sequence[str] | None, progress: Progress
 ) -> bool:
     """Search all recordings together, where there are new ones, and return whether this leaves
-    something to ask.
+    something to ask: a set is open, or was withdrawn and nothing explains the recordings.
     """
     if len(story.recordings) == story.searched:
         return False
@@ -254,7 +274,9 @@ def _search_together(
         story.sets, story.recordings, library, progress, story.beside, story.rig
     )
     story.together, story.found = judged.sentence, judged.found
-    return judged.asks
+    withdrawn = any(one.withdrawn for one in story.sets)
+    unexplained = judged.found is not None and judged.found.verdict == "unexplained"
+    return judged.asks or (withdrawn and (unexplained or not story.names))
 
 
 def _may_go_on(story: Investigation, rounds: int) -> bool:
@@ -289,28 +311,34 @@ def _next_round(
     story: Investigation, conduct: Conduct, folder: Path, rounds: int, progress: Progress
 ) -> str:
     """Run one round; why the investigation ends, empty where it goes on."""
+    if not story.sets:
+        return "The first recording left no rivals: there was nothing to ask."
     unsettled = [s for s in story.sets if s.open]
-    if not unsettled:
-        return (
-            "Each effect has one name."
-            if story.sets
-            else "The first recording left no rivals: there was nothing to ask."
-        )
+    missing = [] if unsettled else [s for s in story.sets if s.withdrawn]
+    if not unsettled and not missing:
+        return ONE_NAME_EACH
+    if missing and not any(len(s.models) > 1 for s in missing):
+        return "No name is left to ask about."
     number = len(story.rounds) + 1
     if number > rounds:
-        return f"The budget of {rounds} recording{'s' if rounds > 1 else ''} is spent."
+        return _spent(rounds)
+    if missing and len(story.recordings) > story.searched:
+        return "All recordings are searched together."
     progress(f"round {number}: designing")
-    design = _design(story, folder, number, progress)
+    design = _design(story, unsettled or missing, folder, number, progress)
     best = design.proposals[0] if design.proposals else None
     decides = best is not None and _may_decide(unsettled, best, rounds - len(story.rounds))
     # Though no movement tells them apart, another one shows whether they hold at all.
     first = len(story.recordings) == story.searched
-    if best is None or not (decides or first):
+    if best is None or not (decides or first or missing):
         return design.sentence
     duration = float(np.clip(60.0 * best.minutes, SHORTEST_S, LONGEST_S))
-    question = "; ".join(" or ".join(s.left).replace("_", " ") for s in unsettled)
+    if missing:
+        question = f"What is there, where {_none_of(missing)}"
+    else:
+        question = "; ".join(" or ".join(s.left).replace("_", " ") for s in unsettled)
     proposal = design.sentence
-    if best.excess < RIVAL_EXCESS:
+    if best.excess < RIVAL_EXCESS and not missing:
         proposal += (
             " All recordings together may."
             if decides
@@ -328,9 +356,20 @@ def _next_round(
         round_.answer = f"The recording cannot be used: {reasons[0]}."
         return ""
     progress(f"round {number}: judging {recording.name}")
-    round_.answer, round_.judged = _judge(unsettled, recording, story.rig), True
+    round_.answer = (
+        _judge(unsettled, recording, story.rig)
+        if unsettled
+        else "It is searched together with the other recordings."
+    )
+    round_.judged = True
     story.recordings.append(recording)
     return ""
+
+
+def _none_of(sets: Sequence[OpenSet]) -> str:
+    """Return a clause about the names of sets that were withdrawn."""
+    names = dict.fromkeys(name for one in sets for name in one.models)
+    return f"none of {', '.join(names)} holds".replace("_", " ")
 
 
 def _any_of(sets: Sequence[OpenSet]) -> str:
@@ -357,16 +396,23 @@ def _may_decide(sets: list[OpenSet], best: Proposal, recordings: int) -> bool:
     )
 
 
-def _design(story: Investigation, folder: Path, number: int, progress: Progress) -> Design:
-    """Return design that tells the names apart that are left, written to a folder of its own."""
-    sets = [
-        RivalSet(
-            {name: one.model(name) for name in one.left},
-            min((max(one.excess[n]) for n in one.left[1:] if n in one.excess), default=0.0),
-        )
-        for one in story.sets
-        if one.open
-    ]
+def _design(
+    story: Investigation,
+    asked: Sequence[OpenSet],
+    folder: Path,
+    number: int,
+    progress: Progress,
+) -> Design:
+    """Return a design that tells the names apart that are left, or that stood in for an effect in a
+    set that was withdrawn; written to a folder of its own.
+    """
+    sets = []
+    for one in asked:
+        names = one.left or list(one.models)
+        if len(names) < 2:
+            continue
+        known = (max(one.excess[n]) for n in names[1:] if n in one.excess)
+        sets.append(RivalSet({name: one.model(name) for name in names}, min(known, default=0.0)))
     made = [r.title for r in story.rounds if r.judged]
     design = Design(sets, rank(sets, story.first.verdict.recording, progress, made), [])
     design.save(folder / f"design_{number}")

@@ -16,6 +16,7 @@ effect is confirmed, since what is missing has stand-ins of its own.
 - A set is withdrawn where that search confirms none of its names and puts none in their place:
   they take off next to nothing of what all effects take off together. It is withdrawn, too, where
   no designed recording needs any of its names: the first one chose them, and says nothing more.
+- A set that was withdrawn before takes what a search of more recordings names and confirms.
 """
 
 from __future__ import annotations
@@ -97,7 +98,8 @@ def judge_together(
         One of the recordings cannot be used.
     """
     named = [replace(r, name=f"recording_{k}") for k, r in enumerate(recordings, start=1)]
-    asked = [one for one in sets if one.left]
+    asked = [one for one in sets if not one.withdrawn]
+    before = [one for one in sets if one.withdrawn]
     begin = dict(beside or {})
     for one in asked:
         likeliest = one.upheld[0]
@@ -135,6 +137,15 @@ def judge_together(
         elif needless or not confirmed:
             one.left, one.doubted = [], []
             said.append(f"{names} is withdrawn, since the other recordings do not confirm it")
+    for one in before:
+        if not new or not _confirmed(shares[new[0]], shares, found):
+            break
+        _replace(one, found, new.pop(0), library)
+        if _needless(one, found):
+            one.left = []
+            continue
+        asks = asks or one.open
+        said.append(f"{' or '.join(one.left)} is named where nothing was left")
     if not said:
         names = ", ".join(effect.name for effect in found.named)
         said = [f"{names or 'nothing'} is named, which replaces nothing"]

@@ -81,6 +81,11 @@ class OpenSet:
         return len(self.left) > 1
 
     @property
+    def withdrawn(self) -> bool:
+        """Tell whether no name is left."""
+        return not self.left
+
+    @property
     def undecided(self) -> bool:
         """Tell whether doubted names are left, and others beside them."""
         return 0 < len(set(self.left) & set(self.doubted)) < len(self.left)
