@@ -28,7 +28,9 @@ def found_in_words(calibrated: Calibrated) -> dict[str, str]:
     if found.velocity_delay is not None:
         words["velocity behind position"] = _ms(found.velocity_delay)
     words["inertia of the plate"] = _text(_of(rig, "footplate_inertia", "Ip"), "kg.m^2")
-    words["friction of the bearing"] = _text(found.friction, "N.m")
+    words["friction of the bearing"] = (
+        _text(found.friction, "N.m") if rig.model.has("footplate_friction") else "not seen"
+    )
     damping = _text(found.damping)
     words["servo"] = f"{_text(found.bandwidth, 'Hz')}, damping {damping}"
     words["zero of position"] = f"{rig.zero_position:.5f} rad"

@@ -19,6 +19,7 @@ from calibration.known_load import KnownLoad
 from calibration.rig_calibration import (
     REFERENCE,
     SAMPLES,
+    Calibrated,
     calibrate_rig,
     fingerprint,
     read_signals,
@@ -26,7 +27,7 @@ from calibration.rig_calibration import (
     with_compliance,
 )
 from calibration.rig_identification import IdentifiedRig, identify_rig
-from calibration.rig_in_words import described
+from calibration.rig_in_words import described, found_in_words
 from calibration.rig_spectra import Signals
 from perturbation_generator.rig_calibration import DURATION, INITIAL_REST, RigCalibration
 from perturbation_generator.settings import Settings
@@ -177,6 +178,8 @@ def test_a_known_load_is_taken_off_and_what_was_not_found_is_said():
     rig, remarks = rig_file(identified(), "a", KnownLoad(inertia=0.005))
     assert rig.model.entry("footplate_inertia").values["Ip"] == pytest.approx(0.004)
     assert not rig.model.has("footplate_friction")
+    words = found_in_words(Calibrated(rig, identified(inertia=Found(0.009, 1e-5)), remarks))
+    assert words["friction of the bearing"] == "not seen"
     assert not rig.model.has("servo_compliance")
     assert any("Mount a spring" in remark for remark in remarks)
     with pytest.raises(CalibrationError, match="less than the known load"):
