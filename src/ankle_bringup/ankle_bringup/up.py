@@ -35,13 +35,14 @@ from ankle_bringup.live_monitor import (
     with_one_more_reader,
 )
 from ankle_bringup.processes import Processes
+from ankle_bringup.recorded_estimator import REPLAY
 from ankle_interfaces.block import TIME_COLUMN
 from ankle_interfaces.topics import RIG_STATE
 from ankle_node.node import LATEST_QOS
 
 DRIVER = "ankle_actuator_driver"
 ESTIMATOR = "impedance_estimator"
-REPLAY = ("session_recorder", "replay")
+
 ENDINGS = {
     ("perturbation_generator", "perturbation_generator"): "the perturbation is over",
     REPLAY: "the recording was replayed to its end",

@@ -2,6 +2,7 @@
 too.
 """
 
+import tempfile
 from pathlib import Path
 
 from ament_index_python.packages import (
@@ -10,11 +11,17 @@ from ament_index_python.packages import (
     get_package_share_directory,
 )
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironmentVariable
+from launch.actions import (
+    DeclareLaunchArgument,
+    LogInfo,
+    OpaqueFunction,
+    SetEnvironmentVariable,
+)
 from launch.substitutions import EnvironmentVariable, LaunchConfiguration
 from launch_ros.actions import Node
 
 from ankle_bringup.graph import load_graph
+from ankle_bringup.recorded_estimator import set_as_recorded
 
 
 def nodes_of(context):
@@ -32,7 +39,9 @@ def nodes_of(context):
     if params_file:
         graph = graph.with_parameter_file(params_file)
     graph = graph.with_settings(settings)
+    graph, sentences = set_as_recorded(graph, Path(tempfile.mkdtemp(prefix="ankle_")))
     return [
+        *(LogInfo(msg=sentence) for sentence in sentences),
         *state_publisher(graph.namespace),
         *(process(node) for node in graph.nodes),
     ]

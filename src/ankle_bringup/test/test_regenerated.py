@@ -7,6 +7,7 @@ from ankle_bringup.errors import GraphError, RunError
 from ankle_bringup.graph import load_graph
 from ankle_bringup.live_monitor import ESTIMATE, REFERENCE, SAMPLES, with_one_more_reader
 from ankle_bringup.processes import Processes
+from ankle_bringup.recorded_estimator import set_as_recorded
 from ankle_bringup.regenerate import agreement
 from ankle_bringup.up import ending_node, run_graph
 from session_analysis.recorded_session import read_session
@@ -66,8 +67,9 @@ def test_a_recording_gives_its_estimates_again_and_can_be_validated(tmp_path, mo
     ]
     console = Console(record=True, quiet=True)
     run_graph(load_graph("simulated_recorded").with_settings(session), tmp_path, 0.0, console)
-    replay = [settling, "replay.bag=session"]
-    run_graph(load_graph("regenerated").with_settings(replay), tmp_path, 0.0, console)
+    replay = load_graph("regenerated").with_settings(["replay.bag=session"])
+    as_recorded, _ = set_as_recorded(replay, tmp_path)
+    run_graph(as_recorded, tmp_path, 0.0, console)
     live, again = BagReader("session"), BagReader("regenerated")
     assert again.complete
     for topic in INPUTS:

@@ -60,6 +60,7 @@ def verb(
     """
     from ankle_bringup.errors import GraphError
     from ankle_bringup.graph import load_graph
+    from ankle_bringup.recorded_estimator import set_as_recorded
     from ankle_bringup.recording_place import in_study, what_follows, with_free_place
     from ankle_bringup.up import run_graph
     from session_analysis.study.layout import read_stated
@@ -76,6 +77,9 @@ def verb(
     if params_file is not None:
         chosen = chosen.with_parameter_file(params_file)
     chosen = chosen.with_settings(settings)
+    chosen, sentences = set_as_recorded(chosen, logs)
+    for sentence in sentences:
+        console.print(sentence, soft_wrap=True)
     if study is not None:
         stated = read_stated(sidecar) if sidecar is not None else None
         chosen, place = in_study(chosen, study, subject, visit, stated)

@@ -1,0 +1,120 @@
+"""The estimator of a replay is set as in the recorded run: its estimates come out the same."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ankle_bringup.graph import Graph, NodeDescription
+from ankle_interfaces.topics import IMPEDANCE_PROVENANCE
+
+if TYPE_CHECKING:
+    from session_analysis.estimate_origin import Origin
+
+REPLAY = ("session_recorder", "replay")
+ESTIMATOR = ("impedance_estimator", "impedance_estimator")
+RECORDER = ("session_recorder", "record")
+RIG_FILE = "recorded_rig.yaml"
+"""Name of the file that gets the rig which the bag carries."""
+
+
+def set_as_recorded(graph: Graph, folder: Path) -> tuple[Graph, list[str]]:
+    """Return the graph with the estimator of the recording that it replays.
+
+    What is set already stays. A graph that replays nothing, or a bag without estimates, is returned
+    as it is.
+
+    Parameters
+    ----------
+    graph
+        Any graph.
+    folder
+        Gets the rig file that the bag carries.
+
+    Returns
+    -------
+    tuple[Graph, list[str]]
+        The graph; and sentences: what was set, and what the bag does not hold.
+
+    Raises
+    ------
+    session_recorder.errors.BagError
+        No such bag.
+    AnalysisError
+        The bag says in no known form what its estimates were made with.
+    """
+    from session_analysis.estimate_origin import title_and_sum
+
+    bags = [str(node.parameters.get("bag") or "") for node in _named(graph, REPLAY)]
+    estimators = _named(graph, ESTIMATOR)
+    if len(bags) != 1 or not bags[0] or len(estimators) != 1:
+        return graph, []
+    origins = _origins(Path(bags[0]))
+    if not origins:
+        return graph, []
+    (estimator,), origin = estimators, origins[-1]
+    if estimator.parameters.get("algorithm", origin.algorithm) != origin.algorithm:
+        return graph, []
+    recorded = {"algorithm": origin.algorithm, **dict(origin.settings)}
+    said = [f"the estimator is set as in the recorded run ({origin.algorithm})"]
+    rig, lacking = _rig(Path(bags[0]), origin, folder, estimator)
+    recorded |= {"rig": rig} if rig else {}
+    said += lacking
+    if origin.model is not None and "model" not in estimator.parameters:
+        said.append(
+            f"its model {title_and_sum(origin.model)} is not in the bag: name the file by --set "
+            f"{estimator.name}.model=FILE"
+        )
+    if any(one.difference(origin) for one in origins):
+        said.append("it was changed in the recorded run: it has what it had in the end")
+    changed = {estimator.name: {**recorded, **estimator.parameters}}
+    if rig:
+        changed |= {n.name: {"rig": rig, **n.parameters} for n in _named(graph, RECORDER)}
+    nodes = [replace(n, parameters=changed.get(n.name, n.parameters)) for n in graph.nodes]
+    return replace(graph, nodes=tuple(nodes)), said
+
+
+def _named(graph: Graph, executable: tuple[str, str]) -> list[NodeDescription]:
+    return [node for node in graph.nodes if (node.package, node.executable) == executable]
+
+
+def _origins(path: Path) -> Sequence[Origin]:
+    from session_analysis.estimate_origin import Origin
+    from session_recorder.bag_reader import BagReader
+    from session_recorder.message_definitions import typestore
+
+    store, topic = typestore(), IMPEDANCE_PROVENANCE.absolute
+    return [
+        Origin.from_text(
+            store.deserialize_cdr(message, "std_msgs/msg/String").data,  # type: ignore[attr-defined]
+            1e-9 * time,
+            path,
+        )
+        for _, time, message in BagReader(path).messages([topic])
+    ]
+
+
+def _rig(
+    bag: Path, origin: Origin, folder: Path, estimator: NodeDescription
+) -> tuple[str, list[str]]:
+    """Return the path of the rig file that was in force, empty where it is not needed or not there;
+    and what is to be said.
+    """
+    from session_recorder.rig_of_bag import rig_of_bags
+
+    if origin.rig is None or "rig" in estimator.parameters:
+        return "", []
+    carried = rig_of_bags([bag])
+    text = carried.text() if carried is not None else ""
+    if hashlib.sha256(text.encode()).hexdigest() != origin.rig["sha256"]:
+        return "", [
+            f"its rig '{origin.rig['title']}' is not in the bag: name the file by --set "
+            f"{estimator.name}.rig=FILE"
+        ]
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / RIG_FILE
+    path.write_text(text)
+    return str(path.resolve()), []
