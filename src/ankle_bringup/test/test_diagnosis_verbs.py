@@ -1,5 +1,6 @@
 """`ankle investigate`, `compare` and `design-experiment` take joints and terms of one's own."""
 
+from datetime import datetime, timezone
 from types import SimpleNamespace
 
 import pytest
@@ -9,6 +10,7 @@ from ankle_bringup.command_line import app
 from ankle_physics import own_terms
 from ankle_physics.joint_profile import JointProfile, joint_in_force
 from ankle_physics.model import Model
+from ankle_physics.rig_file import RigFile
 from model_discrepancy.report import comparison_report, investigation_report
 from model_discrepancy.tools import experiment_design, investigation
 
@@ -56,7 +58,10 @@ def loaded(monkeypatch):
     return folders
 
 
-@pytest.mark.parametrize("verb", [("compare", "bag", "bag"), ("investigate", "bag")])
+INVESTIGATE = ("investigate", "bag", "--rig", "none")
+
+
+@pytest.mark.parametrize("verb", [("compare", "bag", "bag"), INVESTIGATE])
 def test_the_joint_is_in_force_while_bags_are_read(verb, axis, in_force, tmp_path):
     ended = ankle(*verb, "--joint", axis, "--out", tmp_path / "out")
     assert isinstance(ended.exception, ReachedError)
@@ -64,7 +69,7 @@ def test_the_joint_is_in_force_while_bags_are_read(verb, axis, in_force, tmp_pat
 
 
 @pytest.mark.parametrize(
-    "verb", [("compare", "bag", "bag"), ("investigate", "bag"), ("design-experiment", ".")]
+    "verb", [("compare", "bag", "bag"), INVESTIGATE, ("design-experiment", ".")]
 )
 def test_terms_of_ones_own_are_read_first(verb, in_force, loaded, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -79,18 +84,33 @@ def test_an_investigation_reports_in_the_units_of_its_joint(axis, tmp_path, monk
         verdict=SimpleNamespace(verdict="no_mismatch", effects=[], parameters=values)
     )
 
-    def investigate(bag, conduct, out, rounds, progress):
+    def investigate(bag, conduct, out, rounds, progress, rig):
+        assert rig is None
         out.mkdir()
         story = investigation.Investigation(first, [])
         story.save(out)
         return story
 
     monkeypatch.setattr(investigation, "investigate", investigate)
-    done = ankle("investigate", "bag", "--joint", axis, "--out", tmp_path / "out", "--json")
+    done = ankle(*INVESTIGATE, "--joint", axis, "--out", tmp_path / "out", "--json")
     assert done.exit_code == 0, done.output
     assert '"K[N/m]"' in done.output
     assert "first/model.yaml" in done.output
     assert investigation_report.with_unit("K[N/m]") in (tmp_path / "out/report.html").read_text()
+
+
+def test_an_investigation_takes_the_rig_of_a_file_as_known(tmp_path, monkeypatch):
+    now = datetime(2026, 11, 20, tzinfo=timezone.utc)
+    RigFile("laboratory 2", now, model=Model.of({})).save(tmp_path / "rig.yaml")
+    taken = []
+
+    def investigate(*_, rig, **__):
+        taken.append(rig.title)
+        raise ReachedError
+
+    monkeypatch.setattr(investigation, "investigate", investigate)
+    ankle("investigate", "bag", "--rig", tmp_path / "rig.yaml", "--out", tmp_path / "out")
+    assert taken == ["laboratory 2"]
 
 
 def test_a_simulated_model_in_other_units_than_the_joint_is_refused(axis, tmp_path):
