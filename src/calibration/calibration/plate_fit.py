@@ -62,7 +62,7 @@ def fit_plate(spectra: RigSpectra, motion: np.ndarray, sensor: SensorFit) -> Pla
     CalibrationError
         The motion explains too little of the torque.
     """
-    sensed = sensor.response * np.exp(-spectra.omega * sensor.shape["delay"].value)
+    sensed = sensor.response
     inertia = sensor.inertia.value * sensed * motion * spectra.omega**2
     goal = stacked_parts(spectra.torque - inertia)
     velocity = spectra.time_signal(motion * spectra.omega)

@@ -78,7 +78,7 @@ class SensorFit:
     inertia
         Of everything that moves with the plate [kg.m^2].
     response
-        What the sensor makes of the torque that acts, at each line; without the delay.
+        What sensor and delay make of the torque that acts, at each line.
     """
 
     shape: dict[str, Found]
@@ -233,9 +233,12 @@ class SensorSearch:
 
     def _design(self, sensor: _Sensor, values: np.ndarray, torques: np.ndarray) -> np.ndarray:
         """Return what the sensor shows of each torque in all stretches, shape (n, 3 + MOMENTS)."""
-        omega = self._spectra.omega
-        sensed = sensor.response(omega, values) * np.exp(-omega * values[0])
+        sensed = self._sensed(sensor, values)
         return np.column_stack([self._stretches(sensed * torque) for torque in torques.T])
+
+    def _sensed(self, sensor: _Sensor, values: np.ndarray) -> np.ndarray:
+        omega = self._spectra.omega
+        return sensor.response(omega, values) * np.exp(-omega * values[0])
 
     def _solved(self, design: np.ndarray) -> np.ndarray:
         scale = np.linalg.norm(design, axis=0)
@@ -302,7 +305,7 @@ class SensorSearch:
         return SensorFit(
             shape,
             Found(float(linear[0]), float(errors[count])),
-            sensor.response(self._spectra.omega, values),
+            self._sensed(sensor, values),
         )
 
     def _slopes(
