@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ankle_bringup.graph import Graph, NodeDescription
-from ankle_interfaces.topics import IMPEDANCE_PROVENANCE
 
 if TYPE_CHECKING:
     from session_analysis.estimate_origin import Origin
@@ -46,13 +44,13 @@ def set_as_recorded(graph: Graph, folder: Path) -> tuple[Graph, list[str]]:
     AnalysisError
         The bag says in no known form what its estimates were made with.
     """
-    from session_analysis.estimate_origin import title_and_sum
+    from session_analysis.estimate_origin import recorded_origins, title_and_sum
 
     bags = [str(node.parameters.get("bag") or "") for node in _named(graph, REPLAY)]
     estimators = _named(graph, ESTIMATOR)
     if len(bags) != 1 or not bags[0] or len(estimators) != 1:
         return graph, []
-    origins = _origins(Path(bags[0]))
+    origins = recorded_origins(Path(bags[0]))
     if not origins:
         return graph, []
     (estimator,), origin = estimators, origins[-1]
@@ -79,22 +77,6 @@ def set_as_recorded(graph: Graph, folder: Path) -> tuple[Graph, list[str]]:
 
 def _named(graph: Graph, executable: tuple[str, str]) -> list[NodeDescription]:
     return [node for node in graph.nodes if (node.package, node.executable) == executable]
-
-
-def _origins(path: Path) -> Sequence[Origin]:
-    from session_analysis.estimate_origin import Origin
-    from session_recorder.bag_reader import BagReader
-    from session_recorder.message_definitions import typestore
-
-    store, topic = typestore(), IMPEDANCE_PROVENANCE.absolute
-    return [
-        Origin.from_text(
-            store.deserialize_cdr(message, "std_msgs/msg/String").data,  # type: ignore[attr-defined]
-            1e-9 * time,
-            path,
-        )
-        for _, time, message in BagReader(path).messages([topic])
-    ]
 
 
 def _rig(

@@ -94,7 +94,7 @@ def fit_plate(spectra: RigSpectra, motion: np.ndarray, sensor: SensorFit) -> Pla
     # Of all parameters together, so that the errors know of each other.
     slopes = np.column_stack([found.jac, -design / scale])
     errors = standard_errors(slopes, found.fun, spectra.frequency)
-    course = Friction(*np.exp(found.x))
+    course = Friction(*np.exp(found.x).tolist())
     rounding = Found(course.rounding, course.rounding * float(errors[0]))
     slope, friction, _ = (
         Found(float(value), float(error / size))

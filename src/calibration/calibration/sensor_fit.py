@@ -123,19 +123,19 @@ def _range(parameter: Parameter) -> tuple[float, float]:
     return parameter.lower, parameter.upper
 
 
-_DELAY = (-LONGEST_DELAY, LONGEST_DELAY)
-_MODE = (_range(TorqueSensorMode.parameter("frequency"))[0], HIGHEST_FREQUENCY)
-PLAIN = _Sensor(("delay",), (_DELAY,), (1e-4,), ((0.0,),), _undistorted)
+_DELAYS = (-LONGEST_DELAY, LONGEST_DELAY)
+_FREQUENCIES = (_range(TorqueSensorMode.parameter("frequency"))[0], HIGHEST_FREQUENCY)
+DELAY = _Sensor(("delay",), (_DELAYS,), (1e-4,), ((0.0,),), _undistorted)
 LAG = _Sensor(
     ("delay", "lag"),
-    (_DELAY, _range(TorqueSensorLag.parameter("T"))),
+    (_DELAYS, _range(TorqueSensorLag.parameter("T"))),
     (1e-4, 1e-3),
     tuple((0.0, start) for start in LAG_STARTS),
     _lagged,
 )
 MODE = _Sensor(
     ("delay", "mode", "mode_damping"),
-    (_DELAY, _MODE, _range(TorqueSensorMode.parameter("damping"))),
+    (_DELAYS, _FREQUENCIES, _range(TorqueSensorMode.parameter("damping"))),
     (1e-4, 1.0, 0.01),
     tuple((0.0, start, MODE_DAMPING_START) for start in MODE_STARTS),
     _resonant,
@@ -180,7 +180,7 @@ class SensorSearch:
             Its course, as far as it is known.
         """
         torques = self._torques(motion, friction)
-        left = {sensor: self._least_squares(sensor, torques) for sensor in (PLAIN, LAG, MODE)}
+        left = {sensor: self._least_squares(sensor, torques) for sensor in (DELAY, LAG, MODE)}
         measured = self._torques(self._spectra.position, friction)
         instruments = self._torques(instrument, friction)
         if self._is_mode(left):
@@ -192,7 +192,7 @@ class SensorSearch:
             lag = found.shape["lag"]
             if lag.value > LAG_SIGNIFICANCE * lag.error:
                 return found
-        found = self._by_instruments(PLAIN, measured, instruments)
+        found = self._by_instruments(DELAY, measured, instruments)
         if found is None:
             raise CalibrationError(
                 "the torque does not follow the plate; check sign, units and mounting of the "
@@ -207,7 +207,7 @@ class SensorSearch:
         leaves less than the noise of all frequencies together.
         """
         values = self._searched[MODE]
-        excess = min(left[PLAIN], left[LAG]) - self._noise
+        excess = min(left[DELAY], left[LAG]) - self._noise
         return (
             excess > MIN_EXCESS * self._noise
             and left[MODE] - self._noise < (1.0 - MIN_CUT) * excess

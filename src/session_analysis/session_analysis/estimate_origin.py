@@ -15,9 +15,12 @@ from typing import Any
 
 import yaml
 
+from ankle_interfaces.topics import IMPEDANCE_PROVENANCE
 from ankle_interfaces.yaml_text import YamlError, parse_yaml
 from session_analysis.errors import AnalysisError
 from session_analysis.holds import Hold
+from session_recorder.bag_reader import BagReader
+from session_recorder.message_definitions import typestore
 
 ESTIMATOR_KEYS = ("algorithm", "settings")
 """What has to be the same for all sessions of a comparison."""
@@ -100,6 +103,29 @@ class Origin:
     def difference(self, other: Origin) -> str:
         """Return the first of `KEYS` in which two differ; empty where they are the same."""
         return next((key for key in KEYS if getattr(self, key) != getattr(other, key)), "")
+
+
+def recorded_origins(path: Path) -> list[Origin]:
+    """Return what the estimates of a bag were made with, in the order of its statements, since
+    times of the recorder [s].
+
+    Parameters
+    ----------
+    path
+        Of the bag.
+
+    Raises
+    ------
+    session_recorder.errors.BagError
+        No such bag.
+    AnalysisError
+        A statement is in no known form.
+    """
+    store, topic = typestore(), IMPEDANCE_PROVENANCE
+    return [
+        Origin.from_text(store.deserialize_cdr(message, topic.message).data, 1e-9 * time, path)  # type: ignore[attr-defined]
+        for _, time, message in BagReader(path).messages([topic.absolute])
+    ]
 
 
 def _title_and_sum(stated: Any) -> Mapping[str, str] | None:
