@@ -17,6 +17,8 @@ ESTIMATOR = ("impedance_estimator", "impedance_estimator")
 RECORDER = ("session_recorder", "record")
 RIG_FILE = "recorded_rig.yaml"
 """Name of the file that gets the rig which the bag carries."""
+MODEL_FILE = "recorded_model.yaml"
+"""Name of the file that gets the model which the bag carries."""
 
 
 def set_as_recorded(graph: Graph, folder: Path) -> tuple[Graph, list[str]]:
@@ -30,7 +32,7 @@ def set_as_recorded(graph: Graph, folder: Path) -> tuple[Graph, list[str]]:
     graph
         Any graph.
     folder
-        Gets the rig file that the bag carries.
+        Gets the rig file and the model that the bag carries.
 
     Returns
     -------
@@ -44,7 +46,7 @@ def set_as_recorded(graph: Graph, folder: Path) -> tuple[Graph, list[str]]:
     AnalysisError
         The bag says in no known form what its estimates were made with.
     """
-    from session_analysis.estimate_origin import recorded_origins, title_and_sum
+    from session_analysis.estimate_origin import recorded_origins
 
     bags = [str(node.parameters.get("bag") or "") for node in _named(graph, REPLAY)]
     estimators = _named(graph, ESTIMATOR)
@@ -58,14 +60,11 @@ def set_as_recorded(graph: Graph, folder: Path) -> tuple[Graph, list[str]]:
         return graph, []
     recorded = {"algorithm": origin.algorithm, **dict(origin.settings)}
     said = [f"the estimator is set as in the recorded run ({origin.algorithm})"]
-    rig, lacking = _rig(Path(bags[0]), origin, folder, estimator)
+    rig, lacking_rig = _rig(Path(bags[0]), origin, folder, estimator)
+    model, lacking_model = _model(Path(bags[0]), origin, folder, estimator)
     recorded |= {"rig": rig} if rig else {}
-    said += lacking
-    if origin.model is not None and "model" not in estimator.parameters:
-        said.append(
-            f"its model {title_and_sum(origin.model)} is not in the bag: name the file by --set "
-            f"{estimator.name}.model=FILE"
-        )
+    recorded |= {"model": model} if model else {}
+    said += [lacking for lacking in (lacking_rig, lacking_model) if lacking]
     if any(one.difference(origin) for one in origins):
         said.append("it was changed in the recorded run: it has what it had in the end")
     changed = {estimator.name: {**recorded, **estimator.parameters}}
@@ -79,24 +78,48 @@ def _named(graph: Graph, executable: tuple[str, str]) -> list[NodeDescription]:
     return [node for node in graph.nodes if (node.package, node.executable) == executable]
 
 
-def _rig(
-    bag: Path, origin: Origin, folder: Path, estimator: NodeDescription
-) -> tuple[str, list[str]]:
+def _rig(bag: Path, origin: Origin, folder: Path, estimator: NodeDescription) -> tuple[str, str]:
     """Return the path of the rig file that was in force, empty where it is not needed or not there;
-    and what is to be said.
+    and a sentence where it is lacking.
     """
     from session_recorder.rig_of_bag import rig_of_bags
 
     if origin.rig is None or "rig" in estimator.parameters:
-        return "", []
+        return "", ""
     carried = rig_of_bags([bag])
     text = carried.text() if carried is not None else ""
     if hashlib.sha256(text.encode()).hexdigest() != origin.rig["sha256"]:
-        return "", [
+        return "", (
             f"its rig '{origin.rig['title']}' is not in the bag: name the file by --set "
             f"{estimator.name}.rig=FILE"
-        ]
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / RIG_FILE
+        )
+    return _kept(folder / RIG_FILE, text), ""
+
+
+def _model(bag: Path, origin: Origin, folder: Path, estimator: NodeDescription) -> tuple[str, str]:
+    """Return the same of the subject's model."""
+    from ankle_physics.errors import ModelError
+    from session_analysis.estimate_origin import title_and_sum
+    from session_analysis.known_of_session import recorded_model
+    from session_recorder.bag_reader import BagReader
+
+    if origin.model is None or "model" in estimator.parameters:
+        return "", ""
+    try:
+        model = recorded_model(BagReader(bag), origin.model["sha256"])
+        lacks = "is neither in the bag nor beside it"
+    except ModelError as error:
+        model, lacks = None, f"has terms that are not known here ({error})"
+    if model is None:
+        return "", (
+            f"its model {title_and_sum(origin.model)} {lacks}: name the file by --set "
+            f"{estimator.name}.model=FILE"
+        )
+    return _kept(folder / MODEL_FILE, model.text()), ""
+
+
+def _kept(path: Path, text: str) -> str:
+    """Write a file that the estimator reads, and return its path."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text)
-    return str(path.resolve()), []
+    return str(path.resolve())

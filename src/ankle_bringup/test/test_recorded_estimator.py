@@ -7,8 +7,8 @@ import pytest
 import yaml
 
 from ankle_bringup.graph import load_graph
-from ankle_bringup.recorded_estimator import RIG_FILE, set_as_recorded
-from ankle_interfaces.topics import IMPEDANCE_PROVENANCE
+from ankle_bringup.recorded_estimator import MODEL_FILE, RIG_FILE, set_as_recorded
+from ankle_interfaces.topics import IMPEDANCE_MODEL, IMPEDANCE_PROVENANCE
 from ankle_physics.model import Model
 from ankle_physics.rig_file import RigFile
 from impedance_estimator.provenance import provenance
@@ -30,13 +30,14 @@ def stated(**changes):
     return yaml.safe_dump({**yaml.safe_load(text), **changes}, default_flow_style=True).strip()
 
 
-def bag(path, *origins, rig=""):
+def bag(path, *origins, rig="", models=()):
     store = typestore()
     with BagWriter(path) as writer:
-        writer.add_topic(IMPEDANCE_PROVENANCE.absolute)
-        for k, text in enumerate(origins):
-            message = store.serialize_cdr(store.types[STRING](data=text), STRING)
-            writer.write(IMPEDANCE_PROVENANCE.absolute, round((1.7 + k) * 1e9), bytes(message))
+        for topic, texts in ((IMPEDANCE_PROVENANCE, origins), (IMPEDANCE_MODEL, models)):
+            writer.add_topic(topic.absolute)
+            for k, text in enumerate(texts):
+                message = store.serialize_cdr(store.types[STRING](data=text), STRING)
+                writer.write(topic.absolute, round((1.7 + k) * 1e9), bytes(message))
         if rig:
             writer.custom_data[RIG_KEY] = rig
     return path
@@ -71,6 +72,31 @@ def test_what_is_set_stays(tmp_path):
     assert not said
 
 
+def test_the_model_is_the_last_one_of_the_recording(tmp_path):
+    first, last = (Model.of({"maxwell_relaxation": {"k": k}}, "Monday") for k in (20.0, 30.0))
+    origins = [stated(model={"title": m.title, "sha256": m.sha256}) for m in (first, last)]
+    path = bag(tmp_path / "bag", *origins, models=["", first.text(), last.text()])
+    nodes, said = replayed(path, tmp_path)
+    kept = tmp_path / "logs" / MODEL_FILE
+    assert nodes["impedance_estimator"]["model"] == str(kept)
+    assert Model.load(kept).sha256 == last.sha256
+    assert "model" not in said
+    nodes, _ = replayed(path, tmp_path, "impedance_estimator.model=mine.yaml")
+    assert nodes["impedance_estimator"]["model"] == "mine.yaml"
+
+
+def test_a_model_with_terms_of_ones_own_is_not_called_missing(tmp_path):
+    origin = stated(model={"title": "Monday", "sha256": "12"})
+    text = (
+        Model.of({"maxwell_relaxation": {}}, "Monday")
+        .text()
+        .replace("maxwell_relaxation", "my_term")
+    )
+    _, said = replayed(bag(tmp_path / "bag", origin, models=[text]), tmp_path)
+    assert "has terms that are not known here" in said
+    assert "my_term" in said
+
+
 def test_what_the_bag_does_not_hold_is_said(tmp_path):
     one = stated()
     other = stated(
@@ -78,7 +104,7 @@ def test_what_the_bag_does_not_hold_is_said(tmp_path):
         rig={"title": "plate", "sha256": "0"},
     )
     _, said = replayed(bag(tmp_path / "bag", one, other, rig=RIG.text()), tmp_path)
-    assert "its model 'Monday' (SHA-256 123456789012…) is not in the bag" in said
+    assert "its model 'Monday' (SHA-256 123456789012…) is neither in the bag nor beside it" in said
     assert "--set impedance_estimator.model=FILE" in said
     assert "its rig 'plate' is not in the bag" in said
     assert "it has what it had in the end" in said

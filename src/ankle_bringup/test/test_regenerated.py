@@ -10,6 +10,7 @@ from ankle_bringup.processes import Processes
 from ankle_bringup.recorded_estimator import set_as_recorded
 from ankle_bringup.regenerate import agreement
 from ankle_bringup.up import ending_node, run_graph
+from ankle_physics.model import PAPER_TERMS, Model
 from session_analysis.recorded_session import read_session
 from session_recorder.bag_reader import BagReader
 
@@ -56,9 +57,12 @@ def test_nodes_wait_for_the_table_beside_their_readers():
 @pytest.mark.timeout(240)
 def test_a_recording_gives_its_estimates_again_and_can_be_validated(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    settling = "impedance_estimator.settling_time=3.0"
+    subject = tmp_path / "subject.yaml"
+    physics = {**{name: {} for name in PAPER_TERMS}, "maxwell_relaxation": {"k": 10.0}}
+    Model.of(physics, "subject").save(subject)
     session = [
-        settling,
+        "impedance_estimator.settling_time=3.0",
+        f"impedance_estimator.model={subject}",
         "ankle_sim.subject=1",
         "ankle_sim.holds=2",
         "ankle_sim.hold_duration=3.0",
@@ -67,6 +71,7 @@ def test_a_recording_gives_its_estimates_again_and_can_be_validated(tmp_path, mo
     ]
     console = Console(record=True, quiet=True)
     run_graph(load_graph("simulated_recorded").with_settings(session), tmp_path, 0.0, console)
+    subject.unlink()
     replay = load_graph("regenerated").with_settings(["replay.bag=session"])
     as_recorded, _ = set_as_recorded(replay, tmp_path)
     run_graph(as_recorded, tmp_path, 0.0, console)
@@ -74,7 +79,7 @@ def test_a_recording_gives_its_estimates_again_and_can_be_validated(tmp_path, mo
     assert again.complete
     for topic in INPUTS:
         assert again.topics[topic].count == live.topics[topic].count > 0
-    for topic in ("/emg/responses", "/impedance/provenance"):
+    for topic in ("/emg/responses", "/impedance/provenance", "/impedance/model"):
         assert again.topics[topic].count > 0
     columns, estimates = live.signal("/impedance/estimate")
     found = agreement(columns, estimates, again.signal("/impedance/estimate")[1])
@@ -85,3 +90,4 @@ def test_a_recording_gives_its_estimates_again_and_can_be_validated(tmp_path, mo
     assert (second.holds, second.excluded) == (first.holds, first.excluded)
     assert len(second.holds) + len(second.excluded) == 2
     assert second.provenances == first.provenances
+    assert "model: 'subject'" in second.provenances[0]

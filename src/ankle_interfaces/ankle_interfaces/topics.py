@@ -210,6 +210,12 @@ IMPEDANCE_PROVENANCE = Topic(
     Delivery.LATEST,
     "One line of YAML: estimator, settings, model and rig that the estimates are made with.",
 )
+IMPEDANCE_MODEL = Topic(
+    "impedance/model",
+    STRING,
+    Delivery.LATEST,
+    "The model file (YAML) that the estimates are made with; empty where there is none.",
+)
 JOINT_STATES = Topic(
     "joint_states",
     "sensor_msgs/msg/JointState",
@@ -273,6 +279,7 @@ TOPICS = (
     IMPEDANCE_REFLEX_IRF,
     IMPEDANCE_TRACKED,
     IMPEDANCE_PROVENANCE,
+    IMPEDANCE_MODEL,
     RIG_STATE,
     RIG_OPERATOR_ALIVE,
     SESSION_EVENT,

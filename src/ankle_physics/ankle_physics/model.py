@@ -160,9 +160,23 @@ class Model:
             The file cannot be read.
         """
         try:
-            return cls.from_content(parse_yaml(read_text(path, "model file")))
+            return cls.from_text(read_text(path, "model file"))
         except (ModelError, YamlError) as error:
             raise ModelError(f"{path}: {error}") from None
+
+    @classmethod
+    def from_text(cls, text: str) -> Model:
+        """Read the text of a model file.
+
+        Raises
+        ------
+        ModelError
+            As `load`, without the file's name.
+        """
+        try:
+            return cls.from_content(parse_yaml(text))
+        except YamlError as error:
+            raise ModelError(str(error)) from None
 
     @classmethod
     def from_content(cls, content: Any) -> Model:
@@ -215,6 +229,10 @@ class Model:
 
     def save(self, path: str | Path) -> None:
         """Write a model file that `load` reads back to the same values."""
+        Path(path).write_text(self.text())
+
+    def text(self) -> str:
+        """Return the text of the model file, which `from_text` reads back to the same values."""
         content: dict[str, Any] = {"model": self.title}
         if self.joint != ANKLE:
             content["joint"] = self.joint.content()
@@ -228,7 +246,7 @@ class Model:
             content["impedance_at"] = {
                 key: float(getattr(self.stated_at, name)) for key, name in _STATED_AT.items()
             }
-        Path(path).write_text(yaml.safe_dump(content, sort_keys=False))
+        return yaml.safe_dump(content, sort_keys=False)
 
     @property
     def sha256(self) -> str:

@@ -8,6 +8,7 @@
 | `/impedance/reflex_irf` | Float64MultiArray | out: reflex response of a muscle, and beyond it |
 | `/impedance/tracked` | Float64MultiArray | out: gains that the model tracks, twice a second |
 | `/impedance/provenance` | String | out, latched: estimator, settings, model and rig |
+| `/impedance/model` | String | out, latched: the text of the model's file |
 | `/diagnostics` | DiagnosticArray | out: why estimates are not valid or doubted, missing samples |
 """
 
@@ -25,6 +26,7 @@ from ankle_interfaces.quantity import Value
 from ankle_interfaces.topics import (
     ANKLE_SAMPLES,
     IMPEDANCE_ESTIMATE,
+    IMPEDANCE_MODEL,
     IMPEDANCE_PROVENANCE,
     IMPEDANCE_REFLEX_IRF,
     IMPEDANCE_TRACKED,
@@ -43,7 +45,7 @@ from impedance_estimator.parameters import (
     WAIT_FOR_READERS,
     settings_from,
 )
-from impedance_estimator.provenance import provenance
+from impedance_estimator.provenance import model_text, provenance
 from impedance_estimator.stream import Estimates, EstimateStream, compile_estimator
 
 
@@ -65,12 +67,14 @@ class ImpedanceEstimator(AnkleNode):
             Float64MultiArray, IMPEDANCE_TRACKED.name, publisher_qos(IMPEDANCE_TRACKED)
         )
         self._provenance = self.create_publisher(String, IMPEDANCE_PROVENANCE.name, LATEST_QOS)
+        self._model = self.create_publisher(String, IMPEDANCE_MODEL.name, LATEST_QOS)
         self._state_provenance()
         self.when_read(
             IMPEDANCE_ESTIMATE, int(self._values[WAIT_FOR_READERS.name]), self._subscribe
         )
 
     def _state_provenance(self) -> None:
+        self._model.publish(String(data=model_text(self._live.stream)))
         self._provenance.publish(String(data=provenance(self._live.stream)))
 
     def _compile(self) -> None:

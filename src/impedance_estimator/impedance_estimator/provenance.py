@@ -1,7 +1,8 @@
 """The provenance of an estimate is one line of YAML: estimator, settings, model and rig.
 
 It is published latched on ``/impedance/provenance`` and written into every bag of estimates, so
-that estimates of different origin are never compared as if they were of one.
+that estimates of different origin are never compared as if they were of one. The model itself goes
+with it on ``/impedance/model``, so that a bag is enough to make its estimates again.
 """
 
 from __future__ import annotations
@@ -39,3 +40,11 @@ def provenance(stream: EstimateStream) -> str:
         "rig": rig and {"title": rig.title, "sha256": sha256(rig.text().encode()).hexdigest()},
     }
     return yaml.safe_dump(content, default_flow_style=True, width=10**6).strip()
+
+
+def model_text(stream: EstimateStream) -> str:
+    """Return the text of the model file that a stream's estimates are made with; empty where there
+    is none.
+    """
+    subject = stream.known.subject if stream.known is not None else None
+    return subject.text() if subject is not None else ""

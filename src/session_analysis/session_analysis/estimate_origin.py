@@ -121,10 +121,12 @@ def recorded_origins(path: Path) -> list[Origin]:
     AnalysisError
         A statement is in no known form.
     """
-    store, topic = typestore(), IMPEDANCE_PROVENANCE
+    store, topic, bag = typestore(), IMPEDANCE_PROVENANCE, BagReader(path)
+    if topic.absolute not in bag.topics:
+        return []
     return [
         Origin.from_text(store.deserialize_cdr(message, topic.message).data, 1e-9 * time, path)  # type: ignore[attr-defined]
-        for _, time, message in BagReader(path).messages([topic.absolute])
+        for _, time, message in bag.messages([topic.absolute])
     ]
 
 

@@ -5,13 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from ankle_interfaces.topics import IMPEDANCE_MODEL
 from ankle_physics.errors import ModelError
 from ankle_physics.model import Model
 from ankle_physics.rig_file import RigFile
 from impedance_estimator.known_physics import KnownPhysics
 from session_analysis.errors import AnalysisError
-from session_analysis.estimate_origin import CALIBRATION_KEYS, Origin, title_and_sum
+from session_analysis.estimate_origin import (
+    CALIBRATION_KEYS,
+    Origin,
+    recorded_origins,
+    title_and_sum,
+)
 from session_recorder.bag_reader import BagReader
+from session_recorder.message_definitions import typestore
 from session_recorder.rig_of_bag import rig_of_bag
 
 LARGEST_MODEL_FILE = 1_000_000
@@ -26,7 +33,8 @@ class GivenPhysics:
     Attributes
     ----------
     model
-        The subject's model; None takes the one that was in force, where its file is beside the bag.
+        The subject's model; None takes the one that was in force, where the bag carries it or its
+        file is beside the bag.
     rig
         The rig file; None takes the one that the bag carries.
     without_rig
@@ -68,17 +76,101 @@ def known_of_session(
     Raises
     ------
     AnalysisError
-        The rig file that the bag carries is none, or the model has a term that cannot be tracked.
+        The rig file or the model that the bag carries cannot be read, or the model has a term that
+        cannot be tracked.
     """
     model, rig = given.model, given.rig
     try:
         if model is None and stated is not None and stated.model is not None:
-            model = _model_beside(bag.path, stated.model["sha256"])
+            model = recorded_model(bag, stated.model["sha256"])
         if rig is None and not given.without_rig:
             rig = rig_of_bag(bag)
         return None if model is None and rig is None else KnownPhysics(rig, model)
     except ModelError as error:
         raise AnalysisError(f"{bag.path}: {error}") from None
+
+
+def recorded_model(bag: BagReader, sha256: str) -> Model | None:
+    """Return the model with which estimates of a recording were made.
+
+    Parameters
+    ----------
+    bag
+        The recording. It carries the model on ``/impedance/model``, or a YAML file in it or beside
+        it holds it.
+    sha256
+        Of the model.
+
+    Returns
+    -------
+    Model or None
+        None where it is nowhere.
+
+    Raises
+    ------
+    ModelError
+        The bag carries a model with terms that are not known here.
+    """
+    unread: ModelError | None = None
+    for text in dict.fromkeys(_carried_texts(bag)):
+        try:
+            model = Model.from_text(text)
+        except ModelError as error:
+            unread = error
+            continue
+        if model.sha256 == sha256:
+            return model
+    beside = _model_beside(bag.path, sha256)
+    if beside is None and unread is not None:
+        raise ModelError(f"the model that the bag carries: {unread}")
+    return beside
+
+
+def model_in_force(bag: BagReader) -> tuple[Model | None, str]:
+    """Return the model with which the last estimates of a recording were made, and a sentence.
+
+    Parameters
+    ----------
+    bag
+        The recording.
+
+    Returns
+    -------
+    tuple[Model | None, str]
+        None where they were made without one, or it is nowhere, which the sentence then says. Else
+        the sentence says that this model is taken.
+
+    Raises
+    ------
+    AnalysisError
+        The bag does not say in any known form what its estimates were made with.
+    ModelError
+        The bag carries a model with terms that are not known here.
+    """
+    origins = recorded_origins(bag.path)
+    stated = origins[-1].model if origins else None
+    if stated is None:
+        return None, ""
+    model = recorded_model(bag, stated["sha256"])
+    if model is None:
+        return None, (
+            f"the recorded estimates were made with the model {title_and_sum(stated)}, which is "
+            "neither in the bag nor beside it; give its file with --model"
+        )
+    return model, (
+        f"the model {title_and_sum(stated)}, which was in force when the recording ended, is taken "
+        "as known"
+    )
+
+
+def _carried_texts(bag: BagReader) -> list[str]:
+    """Return the texts of the model files that a bag carries."""
+    store, topic = typestore(), IMPEDANCE_MODEL
+    if topic.absolute not in bag.topics:
+        return []
+    messages = (message for _, _, message in bag.messages([topic.absolute]))
+    texts = [store.deserialize_cdr(message, topic.message).data for message in messages]  # type: ignore[attr-defined]
+    return [text for text in texts if text]
 
 
 def _model_beside(bag: Path, sha256: str) -> Model | None:
@@ -127,13 +219,14 @@ def differences(stated: Origin, used: Origin, bag: BagReader, given: GivenPhysic
             f"recorded ones are {stated.shown('settings')}"
         )
     why = {
-        "model": "no YAML file in the bag or beside it holds that model; give it with --model",
+        "model": "neither the bag nor a YAML file in it or beside it holds that model; give it "
+        "with --model",
         "rig": "as asked"
         if given.without_rig
         else "the bag carries no rig file; give it with --rig",
     }
     source = {
-        "model": "as given",
+        "model": "which was in force in the end" if given.model is None else "as given",
         "rig": "which the bag carries" if given.rig is None else "as given",
     }
     for key in CALIBRATION_KEYS:

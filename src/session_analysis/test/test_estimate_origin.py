@@ -15,20 +15,24 @@ from recorded_holds import PROVENANCE_TOPIC, TEXT, provenance, write_session, wr
 from rich.console import Console
 
 from ankle_interfaces.block import Block
+from ankle_interfaces.topics import IMPEDANCE_MODEL
 from ankle_node.session_event import TOPIC as EVENT_TOPIC
 from ankle_node.session_event import SessionEvent
+from ankle_physics.errors import ModelError
 from ankle_physics.model import Model
 from ankle_physics.rig_file import Measured, RigFile
 from impedance_estimator.known_physics import KnownPhysics
+from impedance_estimator.offline.recorded_estimates import estimate_bag
 from impedance_estimator.provenance import provenance as provenance_of
 from impedance_estimator.stream import EstimateStream
 from session_analysis.console import report_validation
 from session_analysis.errors import AnalysisError
 from session_analysis.estimate_origin import Origin
-from session_analysis.known_of_session import GivenPhysics
+from session_analysis.known_of_session import GivenPhysics, model_in_force, recorded_model
 from session_analysis.recorded_session import LAG_KEY, read_session
 from session_analysis.report import write_report
 from session_analysis.validation import validate
+from session_recorder.bag_reader import BagReader
 from session_recorder.bag_writer import BagWriter
 from session_recorder.rig_of_bag import RIG_KEY
 
@@ -207,6 +211,29 @@ def test_estimates_that_are_made_anew_keep_model_and_rig_of_the_recording(sample
         bag, recompute=True, algorithm="CE", given=GivenPhysics(without_rig=True)
     ).origin_notes
     assert "without the rig 'plate'" in note
+
+
+def test_a_bag_of_estimates_carries_the_model_that_made_them(samples, calibration, tmp_path):
+    file, model, rig, stated = calibration
+    bag, out = samples(rig, stated), tmp_path / "estimates"
+    missing, about = model_in_force(BagReader(bag))
+    assert missing is None
+    assert "neither in the bag nor beside it" in about
+    estimate_bag(bag, out, "CE", known=KnownPhysics(rig, model))
+    file.unlink()
+    found, about = model_in_force(BagReader(out))
+    assert found.text() == model.text()
+    assert "'Monday'" in about
+    with pytest.raises(ModelError, match="the model that the bag carries: unknown term 'my_term'"):
+        recorded_model(BagReader(with_model(tmp_path / "own", "terms: [{term: my_term}]")), "12")
+
+
+def with_model(path, text):
+    """Write a bag that carries this text of a model file."""
+    with BagWriter(path) as writer:
+        writer.add_topic(IMPEDANCE_MODEL.absolute)
+        write_text(writer, IMPEDANCE_MODEL.absolute, 1.0, text)
+    return path
 
 
 def test_what_cannot_be_had_of_the_calibration_is_said(samples, calibration, tmp_path):

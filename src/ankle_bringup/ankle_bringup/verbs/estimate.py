@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ankle_bringup.errors import RunError
+from ankle_bringup.known_model import KnownModel, known_model
 from ankle_bringup.known_rig import KnownRig, known_rig
 from ankle_bringup.terminal import (
     Algorithm,
@@ -33,10 +34,7 @@ def verb(
     highpass: Annotated[
         str | None, typer.Option(help="C, CE and O: 'torque' as in the paper, or 'all'.")
     ] = None,
-    model: Annotated[
-        Path | None,
-        typer.Option(help="The subject's model (YAML); its terms run beside the regression."),
-    ] = None,
+    model: KnownModel = None,
     rig: KnownRig = None,
     terms: OwnTerms = None,
     overwrite: Overwrite = False,
@@ -49,7 +47,6 @@ def verb(
     Example: ankle estimate session --out session_estimates --rig rig.yaml
     """
     from ankle_interfaces.quantity import quantities
-    from ankle_physics.model import Model
     from ankle_physics.own_terms import load_terms
     from impedance_estimator.algorithms import ALGORITHMS, DEFAULT
     from impedance_estimator.known_physics import KnownPhysics
@@ -68,8 +65,8 @@ def verb(
         raise RunError(f"algorithm '{chosen}' has no --highpass; C, CE and O have")
     settings = own(**given)
     load_terms(terms or "")
-    subject = Model.load(model) if model is not None else None
-    taken, carried = known_rig(rig, [bag])
+    taken, about_rig = known_rig(rig, [bag])
+    subject, about_model = known_model(model, bag)
     known = None if subject is None and taken is None else KnownPhysics(taken, subject)
     require_start(bag)  # before an earlier result is removed
     clear_folder(out, overwrite, "metadata.yaml")
@@ -77,7 +74,7 @@ def verb(
         compile_estimator(chosen)
     with progress(f"estimating {bag}") as share:
         result = estimate_bag(bag, out, chosen, settings, known=known, progress=share)
-    result.notes.extend([carried] if carried else [])
+    result.notes.extend(about for about in (about_model, about_rig) if about)
     with steps() as step:
         stated = BagReader(out).custom_data.get("settings", "")
         found = answer(bag, result, chosen, stated, step)

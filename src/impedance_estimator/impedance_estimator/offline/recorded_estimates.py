@@ -13,7 +13,7 @@ import numpy as np
 
 from ankle_interfaces.block import TIME_COLUMN, Block
 from ankle_interfaces.errors import BlockError
-from ankle_interfaces.topics import IMPEDANCE_PROVENANCE, IMPEDANCE_TRACKED
+from ankle_interfaces.topics import IMPEDANCE_MODEL, IMPEDANCE_PROVENANCE, IMPEDANCE_TRACKED
 from impedance_estimator.algorithms import DEFAULT
 from impedance_estimator.errors import EstimateError
 from impedance_estimator.estimator import (
@@ -28,7 +28,7 @@ from impedance_estimator.judgements import (
     shares_of_invalid_time,
 )
 from impedance_estimator.known_physics import KnownPhysics
-from impedance_estimator.provenance import provenance
+from impedance_estimator.provenance import model_text, provenance
 from impedance_estimator.settings import EstimatorSettings
 from impedance_estimator.stream import REFERENCE_TOPIC, TOPIC, Estimates, EstimateStream
 from session_recorder.bag_reader import BagReader
@@ -149,7 +149,8 @@ def estimate_bag(
 
     The new bag holds ``/impedance/estimate``, many rows to a message, ``/impedance/reflex_irf``,
     where the model tracks further terms ``/impedance/tracked``,
-    at the samples' own time, and what they are made with on ``/impedance/provenance``.
+    at the samples' own time, and what they are made with on ``/impedance/provenance`` and
+    ``/impedance/model``.
 
     Parameters
     ----------
@@ -191,7 +192,8 @@ def estimate_bag(
             writer.add_topic(REFLEX_TOPIC)
             if stream.tracked_columns:
                 writer.add_topic(IMPEDANCE_TRACKED.absolute)
-            writer.add_topic(PROVENANCE_TOPIC, IMPEDANCE_PROVENANCE.message)
+            for topic in (IMPEDANCE_PROVENANCE, IMPEDANCE_MODEL):
+                writer.add_topic(topic.absolute, topic.message)
             writer.custom_data = {
                 "estimated_from": str(bag),
                 "algorithm": algorithm,
@@ -242,9 +244,10 @@ def _feed_reference(reader: BagReader, stream: EstimateStream) -> None:
 
 def _state_provenance(writer: BagWriter, stream: EstimateStream, time: float) -> None:
     store = typestore()
-    text = store.types[IMPEDANCE_PROVENANCE.message](data=provenance(stream))
-    message = bytes(store.serialize_cdr(text, IMPEDANCE_PROVENANCE.message))
-    writer.write(PROVENANCE_TOPIC, round(time * 1e9), message)
+    stated = {IMPEDANCE_MODEL: model_text(stream), IMPEDANCE_PROVENANCE: provenance(stream)}
+    for topic, text in stated.items():
+        message = store.serialize_cdr(store.types[topic.message](data=text), topic.message)
+        writer.write(topic.absolute, round(time * 1e9), bytes(message))
 
 
 def _write(writer: BagWriter, due: Estimates, tracked: tuple[str, ...]) -> None:

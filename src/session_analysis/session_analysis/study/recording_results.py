@@ -26,6 +26,7 @@ from session_analysis.estimate_answer import (
     require_valid,
 )
 from session_analysis.estimate_report import write_estimates
+from session_analysis.known_of_session import model_in_force
 from session_analysis.study.layout import Entry, Study, software_version
 from session_analysis.visit_measures import measured_in_visit
 from session_recorder.bag_reader import BagReader
@@ -137,8 +138,10 @@ def _compute(entry: Entry, derived: Path, diagnosed: bool) -> tuple[list[Row], d
         bag, assumed = _import(entry, derived, stated)
     require_start(bag)
     rig = rig_of_bags([bag])
-    known = None if rig is None else KnownPhysics(rig)
+    model, about_model = model_in_force(BagReader(bag))
+    known = None if rig is None and model is None else KnownPhysics(rig, model)
     result = estimate_bag(bag, derived / "estimates", known=known, overwrite=True)
+    result.notes.extend([about_model] if about_model else [])
     if rig is not None:
         result.notes.append(f"the rig '{rig.title}', which the bag carries, is taken as known")
     settings = BagReader(derived / "estimates").custom_data.get("settings", "")
