@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -116,6 +116,9 @@ def _holds_samples(bag: Path) -> bool:
 def record_rig(bag: Path, amplitude: float, namespace: str) -> None:
     """Record the movements that calibrate a rig, of a running laboratory whose generator waits.
 
+    Where the recording ends before its time, the plate goes back to rest: in the worst case it ends
+    a slow sweep of 5 s, and comes back in another 5 s.
+
     Parameters
     ----------
     bag
@@ -140,6 +143,7 @@ def record_rig(bag: Path, amplitude: float, namespace: str) -> None:
     with observer(own_signals=True, namespace=namespace) as node:
         states = rig_states(node)
         require_state(states, node)
+        _await_rest(node)
         try:
             set_parameter(node, GENERATOR, "amplitude", f"{amplitude:g}")
         except RunError as error:
@@ -155,7 +159,32 @@ def record_rig(bag: Path, amplitude: float, namespace: str) -> None:
             require_state(states)
 
         what = "the plate moves, keep away from it"
-        record_session(bag, DURATION + RECORDED_AFTER, namespace, what, move, follow)
+        try:
+            record_session(bag, DURATION + RECORDED_AFTER, namespace, what, move, follow)
+        except BaseException:
+            # The reason why it ended counts, whether the generator still answers or not.
+            with suppress(RunError):
+                trigger(node, GENERATOR, "rest")
+            raise
+
+
+def _await_rest(node: Node) -> None:
+    """End the movements that another calibration has left, and wait until the plate is at rest."""
+    import time
+
+    from ankle_bringup.errors import RunError
+    from ankle_bringup.live_graph import trigger
+    from ankle_bringup.terminal import working
+
+    try:
+        done, sentence = trigger(node, GENERATOR, "rest")
+    except RunError as error:
+        raise RunError(f"{error}; start a laboratory with {LABORATORY}") from None
+    if not done:
+        raise RunError(f"{GENERATOR}: {sentence}; start a laboratory with {LABORATORY}")
+    if (seconds := float(sentence)) > 0.0:
+        with working(f"the movements of an earlier calibration end: {seconds:.0f} s"):
+            time.sleep(seconds)
 
 
 def rig_states(node: Node) -> list[str]:

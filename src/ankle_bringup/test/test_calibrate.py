@@ -4,7 +4,7 @@ import os
 import signal
 import threading
 import time
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from datetime import datetime, timezone
 
 import numpy as np
@@ -206,3 +206,27 @@ def test_an_ended_wait_for_the_estimator_says_so_and_names_the_fault(
         "fault: the plate hit its stop"
     )
     assert time.monotonic() - began < 30.0
+
+
+@pytest.mark.parametrize("left", ["0.000000", "0.200000"])
+def test_a_calibration_that_ends_early_brings_the_plate_to_rest(left, monkeypatch, tmp_path):
+    asked = []
+
+    def trigger(node, name, command):
+        asked.append(command)
+        return True, left
+
+    def recording(bag, seconds, namespace, what, begun, follow):
+        begun()
+        raise RunError("the recording was ended after 20 s of 135 s")
+
+    monkeypatch.setattr(live_graph, "observer", lambda **_: nullcontext())
+    monkeypatch.setattr(live_graph, "set_parameter", lambda *_: None)
+    monkeypatch.setattr(live_graph, "trigger", trigger)
+    monkeypatch.setattr(calibration_recording, "rig_states", lambda node: ["running"])
+    monkeypatch.setattr(calibration_recording, "record_session", recording)
+    began = time.monotonic()
+    with pytest.raises(RunError, match="ended after 20 s"):
+        calibration_recording.record_rig(tmp_path / "bag", 0.04, "")
+    assert time.monotonic() - began >= float(left)
+    assert asked == ["rest", "perturb", "rest"]

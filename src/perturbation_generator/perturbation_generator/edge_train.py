@@ -52,6 +52,19 @@ class EdgeTrain:
         self._moving.append(_Edge(time, first, level - self.level, level))
         self.level = level
 
+    def drop_from(self, time: float) -> float:
+        """Drop the edges that start at a time [s] or later, all samples before having been given.
+
+        Returns
+        -------
+        float
+            When the last edge that is left starts [s]; minus infinity where none moves any more.
+        """
+        while self._moving and self._moving[-1].time >= time:
+            self._moving.pop()
+        self.level = self._moving[-1].level if self._moving else self._settled
+        return self._moving[-1].time if self._moving else -math.inf
+
     def samples(self, first: int, n: int) -> np.ndarray:
         """Return value, derivative and second derivative at samples first ...
 

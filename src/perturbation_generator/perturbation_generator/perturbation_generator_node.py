@@ -4,6 +4,7 @@
 | --- | --- | --- |
 | perturbation/reference | out, 64 Hz | t[s],position[rad],velocity[rad/s],acceleration[rad/s^2] |
 | ~/perturb | service | Trigger: what a signal gives on request; answers its onset [s] |
+| ~/rest | service | Trigger: ends what was requested; answers how long it lasts still [s] |
 | /diagnostics | out, 1 Hz | blocks sent, late blocks, worst lateness |
 
 Sample k has the time t0 + k / rate, t0 being the ROS time of the start (``wait_for_readers``). A
@@ -61,6 +62,7 @@ class PerturbationGeneratorNode(AnkleNode):
         self._busy = threading.Lock()
         self._schedule: Schedule | None = None
         self.create_service(Trigger, "~/perturb", self._perturb)
+        self.create_service(Trigger, "~/rest", self._rest)
         self._stopped = threading.Event()
         self._sleep = InterruptibleSleep(self)
         self.health("clock", OK, "")
@@ -83,11 +85,7 @@ class PerturbationGeneratorNode(AnkleNode):
         """Give a stretch or the movements of a calibration, if the signal waits for that."""
         answer.success = False
         if not self._signal.awaits_requests:
-            answer.message = (
-                f"signal '{self._signal.name}' runs by itself; single stretches need the parameter "
-                f"signal = {OnRequest.name}, the calibration of a rig rig_calibration.on_request = "
-                "true"
-            )
+            answer.message = self._runs_by_itself()
         elif self._schedule is None:
             answer.message = "the signal has not started: it waits for its readers"
         else:
@@ -101,6 +99,23 @@ class PerturbationGeneratorNode(AnkleNode):
                 if busy_for
                 else "the amplitude is 0, or the signal ends"
             )
+        return answer
+
+    def _runs_by_itself(self) -> str:
+        return (
+            f"signal '{self._signal.name}' runs by itself; single stretches need the parameter "
+            f"signal = {OnRequest.name}, the calibration of a rig rig_calibration.on_request = true"
+        )
+
+    def _rest(self, request: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
+        """Let what was requested end before its time, if the signal waits for requests."""
+        answer.success = self._signal.awaits_requests
+        if not answer.success:
+            answer.message = self._runs_by_itself()
+            return answer
+        with self._busy:
+            self._signal.rest()
+            answer.message = f"{self._signal.busy_for:.6f}"
         return answer
 
     def destroy_node(self) -> None:

@@ -94,6 +94,39 @@ class RigCalibration(Signal):
         self._free_at = start + DURATION
         return start
 
+    def rest(self) -> None:
+        """End the movements that were requested; see `Signal.rest`.
+
+        The one that has begun is carried out, because it cannot be left without a jump of the
+        speed. One more leads back to rest.
+        """
+        now = self.time
+        if not self.awaits_requests or now >= self._free_at:
+            return
+        self._onsets = [onset for onset in self._onsets if onset.time < now]
+        over = [now]
+        settling = self.settings.shape.settling
+        begun = self._fast.drop_from(now)
+        over.append(begun + settling)
+        if level := self._fast.level:
+            time = max(now, begun + settling, begun + PAUSES[0])
+            self._onsets.append(Onset(time, -1 if level > 0 else 1, abs(level)))
+            self._fast.add(time, 0.0)
+            over.append(time + settling)
+        ended, level = self._uneven.drop_from(now)
+        over.append(ended)
+        if level:
+            back = UnevenSweep.drawn(max(now, ended), level, 0.0, self.amplitude, self._random)
+            self._uneven.add(back)
+            over.append(back.end)
+        begun = self._slow.drop_from(now)
+        over.append(begun + SWEEP_TIME)
+        if self._slow.level:
+            time = max(now, begun + SWEEP_TIME)
+            self._slow.add(time, 0.0)
+            over.append(time + SWEEP_TIME)
+        self._free_at = max(over)
+
     def _plan(self, start: float) -> None:
         last = self.settings.end - FINAL_REST
         self._plan_steps(start + INITIAL_REST, last)
@@ -143,7 +176,7 @@ class RigCalibration(Signal):
         edge = self.settings.shape.extremes(amplitude, PAUSES[0], self.settings.rate)
         sweep = extremes(amplitude)
         return Extremes(
-            amplitude,
+            amplitude + edge.position,
             max(edge.velocity, sweep.velocity),
             max(edge.acceleration, sweep.acceleration),
         )

@@ -114,6 +114,12 @@ class Signal(ABC):
         """
         return None
 
+    def rest(self) -> None:
+        """End what was requested: no further movement begins, and the plate goes back to rest.
+
+        A signal that runs by itself goes on, and a single stretch ends by itself.
+        """
+
     @property
     def busy_for(self) -> float:
         """Return the time [s] until a further request can be given; 0 now."""

@@ -143,6 +143,21 @@ class SweepTrain:
         """Add a sweep that starts where the one before ended, or later."""
         self._moving.append(sweep)
 
+    def drop_from(self, time: float) -> tuple[float, float]:
+        """Drop the sweeps that start at a time [s] or later, all samples before having been given.
+
+        Returns
+        -------
+        tuple[float, float]
+            When the last sweep that is left ends [s], minus infinity where none moves any more; and
+            the level where the plate then is [rad].
+        """
+        while self._moving and self._moving[-1].time >= time:
+            self._moving.pop()
+        if not self._moving:
+            return -math.inf, self._settled
+        return self._moving[-1].end, self._moving[-1].target
+
     def samples(self, first: int, n: int) -> np.ndarray:
         """Return position, velocity and acceleration at samples first ... first + n - 1, shape
         (n, 3).

@@ -14,6 +14,7 @@ from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
 
 from ankle_interfaces.block import unpack
 from ankle_interfaces.continuity import Continuity
@@ -83,6 +84,13 @@ class Ear:
         future = self.set.call_async(request)
         assert self.listen(future.done)
         return future.result().results[0]
+
+    def trigger(self, service):
+        client = self.node.create_client(Trigger, f"/perturbation_generator/{service}")
+        assert client.wait_for_service(timeout_sec=20.0)
+        future = client.call_async(Trigger.Request())
+        assert self.listen(future.done)
+        return future.result().success, future.result().message
 
     @property
     def data(self):
@@ -188,6 +196,33 @@ def test_amplitude_changes_while_it_runs_within_the_limits(ear):
     data = ear.data
     assert data[-1024:, 1].max() == pytest.approx(0.02)
     assert np.abs(data[:, 2]).max() <= 3.126  # rad/s, of an edge of 0.04 rad: no jump at the change
+
+
+@pytest.mark.live
+@pytest.mark.timeout(90)
+def test_what_was_requested_ends_when_somebody_asks_for_rest(ear):
+    process = start(
+        "signal:=rig_calibration", "rig_calibration.on_request:=true", "wait_for_readers:=1"
+    )
+    try:
+        assert ear.listen(lambda: ear.blocks)
+        assert ear.trigger("perturb")[0]
+        done, sentence = ear.trigger("perturb")
+        assert not done
+        assert "is not over for another" in sentence
+        assert ear.trigger("rest") == (True, "0.000000")  # the first movement comes after 10 s
+        assert ear.trigger("perturb")[0]
+    finally:
+        process.terminate()
+        finish(process)
+    process = start("wait_for_readers:=1")
+    try:
+        done, sentence = ear.trigger("rest")
+        assert not done
+        assert "runs by itself" in sentence
+    finally:
+        process.terminate()
+        finish(process)
 
 
 def test_an_error_while_pacing_ends_the_process():

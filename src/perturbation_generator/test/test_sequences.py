@@ -10,7 +10,7 @@ from perturbation_generator.on_request import OnRequest
 from perturbation_generator.prbs import Prbs
 from perturbation_generator.pulse_step import GROUP, PulseStep
 from perturbation_generator.random_steps import RandomSteps
-from perturbation_generator.rig_calibration import DURATION, RigCalibration
+from perturbation_generator.rig_calibration import DURATION, SWEEP_TIME, RigCalibration
 from perturbation_generator.settings import Settings
 
 
@@ -179,3 +179,43 @@ def test_the_movements_of_a_calibration_wait_for_their_request():
     np.testing.assert_allclose(moved, at_once.next(whole), rtol=0, atol=1e-6)
     assert signal.request() is not None  # a second calibration, as with a spring
     assert np.abs(signal.next(whole)).max() > 0.0
+
+
+@pytest.mark.parametrize("shape", [Polynomial(), Filtered()])
+@pytest.mark.parametrize(
+    "seconds", [0.0, 5.0, 10.01, 12.3, 33.9, 34.2, 57.77, 80.0, 84.0, 99.0, 131.0]
+)
+def test_the_movements_of_a_calibration_end_before_their_time(shape, seconds):
+    rate, amplitude = 1024.0, 0.04
+    signal = RigCalibration(Settings(rate=rate, shape=shape, amplitude=amplitude), on_request=True)
+    start = signal.next(100)
+    signal.rest()
+    assert signal.busy_for == 0.0  # nothing was requested
+    signal.request()
+    before = signal.next(round(seconds * rate))
+    signal.rest()
+    still = signal.busy_for
+    assert still <= 2.0 * SWEEP_TIME
+    after = signal.next(round((still + 1.0) * rate))
+    position, velocity, acceleration = np.concatenate([start, before, after]).T
+    limits = signal.extremes(amplitude)
+    assert np.abs(velocity).max() <= limits.velocity
+    assert np.abs(acceleration).max() <= limits.acceleration
+    # Nothing jumps: each sample follows from the velocity at the last two.
+    steps = np.diff(position) - 0.5 * (velocity[1:] + velocity[:-1]) / rate
+    assert np.abs(steps).max() <= 0.2 * limits.acceleration / rate**2
+    np.testing.assert_allclose(after[-round(0.9 * rate) :], 0.0, atol=1e-9)
+    assert all(onset.time < signal.time - 0.9 for onset in signal.onsets())
+    assert signal.request() is not None
+    again = signal.next(round((DURATION + 1.0) * rate))
+    assert amplitude * 0.999 <= np.abs(again[:, 0]).max() <= limits.position * (1.0 + 1e-9)
+    assert not again[-10:].any()
+
+
+def test_movements_that_nobody_requested_do_not_end_before_their_time():
+    settings = Settings(rate=512.0)
+    ended, other = RigCalibration(settings), RigCalibration(settings)
+    for signal in (ended, other):
+        signal.next(20 * 512)
+    ended.rest()
+    np.testing.assert_array_equal(ended.next(4096), other.next(4096))
