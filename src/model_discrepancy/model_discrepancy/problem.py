@@ -24,7 +24,12 @@ from model_discrepancy.fit.rows import LOW_PASS_HZ
 from model_discrepancy.fit.stiffness_course import better_course, stiffness_course
 from model_discrepancy.recording.compliance import Compliance, held_compliance
 from model_discrepancy.recording.emg_activation import emg_activation
-from model_discrepancy.recording.known_rig import calibrated, held_terms, known_compliance
+from model_discrepancy.recording.known_rig import (
+    calibrated,
+    held_terms,
+    known_compliance,
+    on_time,
+)
 from model_discrepancy.recording.motion import ACTIVATION_HZ, Motion, motion_of, motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.servo import Servo, identify_servo
@@ -162,7 +167,10 @@ def prepare(
         recording, held = calibrated(recording, rig), held_terms(rig)
         terms = [*terms, *(name for name in held if name not in terms)]
     progress("finding how the servo follows its command")
-    servo = identify_servo(recording, motion_step(recording))
+    # Torque moves the plate when it acts, not when it is read.
+    late = rig.torque_delay.value if rig is not None else 0.0
+    acting = replace(recording, torque=on_time(recording.torque, recording.rate, late))
+    servo = identify_servo(acting, motion_step(recording))
     motion = motion_of(recording, servo)
     fitter = Fitter.of(motion, coherent_limit(motion), held)
     progress("fitting the base model")
@@ -180,7 +188,7 @@ def prepare(
         if by_emg is None
         else replace(motion, activation=by_emg, preceding=by_emg)
     )
-    compliance = _compliance(fitter, found or base, servo, rig)
+    compliance = _compliance(fitter, found or base, servo, rig, late)
     if compliance is not None and compliance.significant:
         noise = 0.0 if servo is not None else white_density(recording.torque, recording.rate)
         if servo is not None:
@@ -188,12 +196,14 @@ def prepare(
             disturbance, joint = uncaused(unloaded, fitter, base), base
         elif compliance.precise:
             # All torque, and no joint that would answer: the movement of the servo without a load.
-            unloaded = motion.undisturbed(compliance, motion.torque, (0.0, 0.0, 0.0), noise)
+            load = on_time(motion.torque, motion.rate, late)
+            unloaded = motion.undisturbed(compliance, load, (0.0, 0.0, 0.0), noise)
             disturbance, joint = uncaused(unloaded, fitter, base), base
         elif found is None:
             disturbance, joint = left, base
         else:
             disturbance, joint = fitter.rows.torque(found.left), found
+        disturbance = on_time(disturbance, motion.rate, late)
         motion = motion.undisturbed(compliance, disturbance, joint_impedance(joint), noise)
     fitter = fitter.along(motion)
     bank = GenericBank(fitter.columns)
@@ -222,17 +232,20 @@ def prepare(
 
 
 def _compliance(
-    fitter: Fitter, known: Fit, servo: Servo | None, rig: RigFile | None
+    fitter: Fitter, known: Fit, servo: Servo | None, rig: RigFile | None, late: float
 ) -> Compliance | None:
     """Return how far the servo gives way: from the command; else from the holds, where these tell
-    it at each frequency; else as the rig's file has it, or as the holds tell it roughly.
+    it at each frequency; else as the rig's file has it, or as the holds tell it roughly. The torque
+    is read late by so much [s].
     """
     if servo is not None:
         return servo.compliance
     motion = fitter.motion
-    held = held_compliance(
-        motion.position, motion.velocity, motion.torque, not_intrinsic(fitter, known), motion.rate
+    load, instrument = (
+        on_time(torque, motion.rate, late)
+        for torque in (motion.torque, not_intrinsic(fitter, known))
     )
+    held = held_compliance(motion.position, motion.velocity, load, instrument, motion.rate)
     if rig is None or (held is not None and held.precise):
         return held
     return known_compliance(rig, motion.rate) or held

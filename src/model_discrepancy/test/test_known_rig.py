@@ -1,5 +1,6 @@
 """A calibrated rig is taken as known, on recordings that scipy alone makes."""
 
+from dataclasses import replace
 from datetime import datetime, timezone
 
 import numpy as np
@@ -95,3 +96,45 @@ def test_the_servos_stiffness_is_a_known_compliance():
     bare = RigFile("bare", RIG.calibrated)
     assert known_compliance(bare, 500.0) is None
     assert held_terms(bare) == {}
+
+
+def test_torque_that_is_read_late_moved_the_plate_when_it_acted():
+    """Torque that no movement causes moves a servo that gives way; what is left of it in the
+    movement would predict itself.
+    """
+    late, samples, compliance = 8, 40_000, 1.0 / 2500.0
+    random = np.random.default_rng(5)
+    command = lfilter(*butter(4, 20.0, fs=RATE), np.repeat(random.uniform(-0.02, 0.02, 160), 250))
+    voluntary = 6.0 * lfilter(*butter(2, [3.0, 12.0], "band", fs=RATE), random.normal(size=samples))
+    s = 2j * np.pi * np.fft.rfftfreq(samples, 1.0 / RATE)
+    impedance = (FOOT + PLATE) * s**2 + VISCOSITY * s + STIFFNESS
+    moved, pushed = np.fft.rfft(command), np.fft.rfft(voluntary)
+    position, undisturbed = (
+        np.fft.irfft((moved - compliance * push) / (1.0 + compliance * impedance), samples)
+        for push in (pushed, 0.0)
+    )
+    torque = np.fft.irfft(impedance * np.fft.rfft(position) + pushed, samples)
+    noise = random.standard_normal((2, samples))
+    recorded = Recording(
+        RATE,
+        position + 2e-6 * noise[0],
+        np.roll(torque, late) + 0.02 * noise[1],
+        reference=command,
+    )
+    problems = [
+        prepare(
+            recorded,
+            rig=replace(RIG, torque_delay=Measured(delay), zero_position=0.0, zero_torque=0.0),
+        )
+        for delay in (late / RATE, 0.0)
+    ]
+    inner = slice(2000, -2000)
+
+    def disturbed(problem):
+        thinned = undisturbed[:: round(RATE / problem.fitter.motion.rate)]
+        left = (problem.fitter.motion.position - thinned)[inner]
+        return np.std(left - left.mean()) / (compliance * np.std(voluntary))
+
+    known, unknown = (disturbed(problem) for problem in problems)
+    assert known < 0.3
+    assert unknown > 0.9

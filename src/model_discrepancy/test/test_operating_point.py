@@ -11,6 +11,7 @@ from ankle_physics.errors import ModelError
 from ankle_physics.foot_loop import FootLoop
 from ankle_physics.impedance import OperatingPoint, reflex_gain
 from ankle_physics.model import Model
+from model_discrepancy.criticism.remainder import Remainder
 from model_discrepancy.fit.movements import Onsets
 from model_discrepancy.recording.motion import Motion
 from model_discrepancy.report.operating_point import (
@@ -18,8 +19,10 @@ from model_discrepancy.report.operating_point import (
     EFFECT_SHARE,
     ENGINE_SHARE,
     EQUATION_SHARE,
+    LEAST_EQUATION_SHARE,
     REFLEX_SHAPE_SHARE,
     UNEXPLAINED_SHARE,
+    equation_misfit,
     operating_point,
     stated_impedance,
     with_model_error,
@@ -62,6 +65,36 @@ def test_without_a_mismatch_the_engines_difference_remains():
 def test_what_the_terms_changed_widens_the_error():
     wider = error_of(Found(fit(60.0), fit(100.0)))
     assert wider > EQUATION_SHARE * 40.0
+
+
+LEFT = Remainder(0.001, 0.0, {}, 0.0, by_chance=0.005)
+
+
+def test_equations_that_leave_nothing_widen_the_error_less():
+    base, final = fit(300.0), fit(100.0)
+    found = Found(base, final, effects=[effect("maxwell_relaxation")], base_score=200.0)
+
+    def width(found, after):
+        misfit = equation_misfit(found, after)
+        stated = {KEY: (100.0, 0.0)}
+        error = with_model_error(stated, found, OperatingPoint(), misfit=misfit)[KEY][1]
+        return math.sqrt(
+            error**2 - (ENGINE_SHARE["K"] * 100.0) ** 2 - (EFFECT_SHARE["K"] * 100.0) ** 2
+        )
+
+    # 2 % of the residual may be predictable unseen: 1 % of the torque that the term explains.
+    assert equation_misfit(found, LEFT) == pytest.approx(math.sqrt(0.02 / 199.0))
+    assert width(found, LEFT) == pytest.approx(LEAST_EQUATION_SHARE * 200.0)
+    assert width(replace(found, base_score=1.5), LEFT) == pytest.approx(EQUATION_SHARE * 200.0)
+    much = replace(found, base_score=20.0), replace(LEFT, share=0.2)
+    assert width(*much) == pytest.approx(math.sqrt(0.2 / 19.0) * 200.0)
+    for told in (
+        (found, replace(LEFT, judged=False)),
+        (replace(found, refinements=[effect("tendon")]), LEFT),
+        (replace(found, effects=[effect("tendon")] * 20), LEFT),
+        (replace(found, effects=[]), LEFT),
+    ):
+        assert equation_misfit(*told) == 1.0
 
 
 def test_a_rival_that_fits_as_well_widens_the_error_by_its_distance():

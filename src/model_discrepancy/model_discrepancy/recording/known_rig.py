@@ -28,9 +28,8 @@ def calibrated(recording: Recording, rig: RigFile) -> Recording:
         Calibrated.
     """
     velocity = recording.velocity
-    if velocity is not None and rig.velocity_delay.value:
-        time = recording.time
-        velocity = np.interp(time + rig.velocity_delay.value, time, velocity)
+    if velocity is not None:
+        velocity = on_time(velocity, recording.rate, rig.velocity_delay.value)
     reference = recording.reference
     return replace(
         recording,
@@ -39,6 +38,24 @@ def calibrated(recording: Recording, rig: RigFile) -> Recording:
         velocity=velocity,
         reference=None if reference is None else reference - rig.zero_position,
     )
+
+
+def on_time(signal: np.ndarray, rate: float, delay: float) -> np.ndarray:
+    """Return a signal that was read late on the clock of the others, shape (n,).
+
+    Parameters
+    ----------
+    signal
+        As it was read, shape (n,).
+    rate
+        Of its samples [Hz].
+    delay
+        By which it is late [s].
+    """
+    if not delay:
+        return signal
+    time = np.arange(len(signal)) / rate
+    return np.interp(time + delay, time, signal)
 
 
 def held_terms(rig: RigFile) -> dict[str, dict[str, float]]:

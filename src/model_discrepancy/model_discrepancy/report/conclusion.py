@@ -23,6 +23,7 @@ from model_discrepancy.recording.channel_gains import Finding
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.report.effect_size import size_of
 from model_discrepancy.report.operating_point import (
+    equation_misfit,
     operating_point,
     stated_impedance,
     with_model_error,
@@ -188,7 +189,13 @@ def _verdict(
         if entry["set_probability"] < MIN_STATED_PROBABILITY
     ]
     stated = with_model_error(
-        stated_impedance(criticism.stated, at), held, at, unexplained, missing, tentative
+        stated_impedance(criticism.stated, at),
+        held,
+        at,
+        unexplained,
+        missing,
+        tentative,
+        equation_misfit(held, after),
     )
     for effect, entry in zip(named, effects, strict=False):
         without = stated_fit(fitter, effect.without, after)
