@@ -324,10 +324,11 @@ def require_gain(model: Model, recording: Recording, rig: RigFile | None = None)
     without = error_K / larger_K, error_G / larger_G
     if imprecision(*found) > imprecision(*without):
         raise CalibrationError(
-            f"{recording.name} cannot calibrate a session: the terms that were found share what "
-            f"they explain and know K to {100.0 * found[0]:.0f} % and G to {100.0 * found[1]:.0f} "
-            f"%; without them the estimator knows K to {100.0 * without[0]:.0f} % and G to "
-            f"{100.0 * without[1]:.0f} % and goes on so"
+            f"{recording.name} cannot calibrate a session: with the terms that were found the "
+            f"standard error is {100.0 * found[0]:.0f} % of K and {100.0 * found[1]:.0f} % of G, "
+            f"without them {100.0 * without[0]:.0f} and {100.0 * without[1]:.0f} %, so that the "
+            "estimator goes on without them; record longer, or another movement, which 'ankle "
+            "design-experiment' proposes from the report"
         )
 
 
