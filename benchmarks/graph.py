@@ -22,7 +22,14 @@ import numpy as np
 
 from ankle_bringup.graph import load_graph
 from ankle_bringup.live_graph import observer
-from ankle_bringup.live_monitor import ESTIMATE, ONE_MORE_READER, REFERENCE, SAMPLES, LiveMonitor
+from ankle_bringup.live_monitor import (
+    ESTIMATE,
+    MONITORED,
+    REFERENCE,
+    SAMPLES,
+    LiveMonitor,
+    with_one_more_reader,
+)
 from ankle_bringup.processes import Processes
 from ankle_node.domain import take_free_domain
 from session_recorder.bag_reader import BagReader
@@ -58,9 +65,9 @@ def main() -> int:
             [
                 f"record.out={folder}/bag",
                 f"perturbation_generator.duration={seconds}",
-                *ONE_MORE_READER,
             ]
         )
+        graph = with_one_more_reader(graph, MONITORED)
         monitor = LiveMonitor(node)
         with Processes(graph, Path(folder) / "logs") as processes:
             while monitor.streams[ESTIMATE].blocks == 0:

@@ -19,7 +19,7 @@ from ankle_bringup.demo_session import hold_shares, run_session
 from ankle_bringup.errors import RunError
 from ankle_bringup.graph import load_graph
 from ankle_bringup.live_graph import observer
-from ankle_bringup.live_monitor import ONE_MORE_READER, LiveMonitor
+from ankle_bringup.live_monitor import MONITORED, LiveMonitor, with_one_more_reader
 from ankle_bringup.live_watch import watch
 from ankle_bringup.processes import Processes
 from ankle_bringup.regenerate import Agreement, agreement, regenerate_by_replay
@@ -122,9 +122,9 @@ def run_live(bag: Path, seconds: float, logs: Path, result: Result, console: Con
             f"record.out={bag}",
             f"perturbation_generator.duration={seconds}",
             f"ankle_sim.scenario={scenario}",
-            *ONE_MORE_READER,
         ]
     )
+    graph = with_one_more_reader(graph, MONITORED)
     console.print(
         f"Four processes stream at 2048 Hz for {seconds:.0f} s: small pushes at the ankle, its "
         "torque, and the estimates.\n"

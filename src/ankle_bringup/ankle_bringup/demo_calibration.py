@@ -19,7 +19,13 @@ from ankle_bringup import demo_pictures
 from ankle_bringup.graph import load_graph
 from ankle_bringup.imperfect_rig import ImperfectRig, draw_imperfect_rig
 from ankle_bringup.live_graph import observer
-from ankle_bringup.live_monitor import ESTIMATE, SAMPLES, TRUTH, LiveMonitor
+from ankle_bringup.live_monitor import (
+    ESTIMATE,
+    SAMPLES,
+    TRUTH,
+    LiveMonitor,
+    with_one_more_reader,
+)
 from ankle_bringup.live_watch import watch
 from ankle_bringup.processes import Processes
 from ankle_bringup.simulated_recording import record_simulated_rig
@@ -39,16 +45,9 @@ from perturbation_generator.settings import Settings
 from session_recorder.bag_reader import BagReader
 
 CALIBRATED = f"calibrated/{IMPEDANCE_ESTIMATE.name}"
+"""Topic of the estimator that has both files."""
 # Standard errors that hold the truth in 95 % of estimates.
 NORMAL_BAND = 1.96
-"""Topic of the estimator that has both files."""
-ONE_MORE_READER = (
-    "perturbation_generator.wait_for_readers=4",
-    "ankle_sim.wait_for_readers=4",
-    "impedance_estimator.wait_for_readers=2",
-    "calibrated_estimator.wait_for_readers=2",
-)
-"""Settings of the graph `simulated_calibrated` when the demo reads samples and estimates along."""
 SESSION_SECONDS = 60.0
 """[s] The session is calibrated on so much, the least that is recommended."""
 LIVE_SECONDS, RISES_AT = 45.0, 20.0
@@ -235,13 +234,14 @@ def _run_side_by_side(
         f"ankle_sim.seed={_seed(seed, 2)}",
         f"perturbation_generator.seed={_seed(seed, 2)}",
         f"perturbation_generator.duration={LIVE_SECONDS}",
-        *ONE_MORE_READER,
     ]
     if found.subject is not None:
         settings.append(f"calibrated_estimator.model={(out / 'subject.yaml').resolve()}")
+    topics = ESTIMATE, CALIBRATED, SAMPLES, TRUTH
     graph = load_graph("simulated_calibrated").with_settings(settings)
+    graph = with_one_more_reader(graph, topics)
     with observer("demo") as node, Processes(graph, out / "logs") as processes:
-        monitor = LiveMonitor(node, (ESTIMATE, CALIBRATED, SAMPLES, TRUTH))
+        monitor = LiveMonitor(node, topics)
         watch(monitor, processes, LIVE_SECONDS, lambda left: _live_table(monitor, left), console)
 
 

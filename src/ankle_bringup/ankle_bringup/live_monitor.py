@@ -26,6 +26,8 @@ ESTIMATE = IMPEDANCE_ESTIMATE.name
 SAMPLES = ANKLE_SAMPLES.name
 REFERENCE = PERTURBATION_REFERENCE.name
 TRUTH = ANKLE_TRUTH.name
+MONITORED = (ESTIMATE, SAMPLES, REFERENCE, TRUTH)
+"""Topics that a monitor reads unless others are named."""
 VALID = "valid[1]"
 WAITS_FOR_READERS = {
     "perturbation_generator": REFERENCE,
@@ -34,14 +36,6 @@ WAITS_FOR_READERS = {
     "impedance_estimator": ESTIMATE,
 }
 """Executables whose parameter `wait_for_readers` counts the readers of a topic of the monitor."""
-ONE_MORE_READER = (
-    "perturbation_generator.wait_for_readers=4",
-    "ankle_sim.wait_for_readers=3",
-    "impedance_estimator.wait_for_readers=2",
-)
-"""Settings of the graph `simulated_recorded` when a monitor reads along: nothing starts before the
-monitor hears it.
-"""
 
 
 def with_one_more_reader(graph: Graph, topics: Collection[str]) -> Graph:
@@ -60,11 +54,11 @@ def with_one_more_reader(graph: Graph, topics: Collection[str]) -> Graph:
 
     def waiting(node: NodeDescription) -> NodeDescription:
         readers = node.parameters.get("wait_for_readers")
-        topic = WAITS_FOR_READERS.get(node.executable)
+        own = WAITS_FOR_READERS.get(node.executable, "")
         # A number that is none is refused by the node, with its allowed range.
         if not isinstance(readers, int) or readers < 1:
             return node
-        if topic not in topics or topic in node.remappings:
+        if node.remappings.get(own, own) not in topics:
             return node
         return replace(node, parameters={**node.parameters, "wait_for_readers": readers + 1})
 
@@ -92,9 +86,7 @@ class LiveMonitor:
         The topics to follow.
     """
 
-    def __init__(
-        self, node: Node, topics: tuple[str, ...] = (ESTIMATE, SAMPLES, REFERENCE, TRUTH)
-    ) -> None:
+    def __init__(self, node: Node, topics: tuple[str, ...] = MONITORED) -> None:
         # rclpy.spin_once would build an executor at each call, too slow for 256 messages a second
         # on a busy machine.
         self._executor = BlockExecutor()

@@ -51,6 +51,8 @@ def test_nodes_wait_for_the_table_beside_their_readers():
     one_more = {"impedance_estimator", "ankle_sim", "perturbation_generator"}
     assert {name for name in before if before[name] != after[name]} == one_more
     assert all(after[name] == before[name] + 1 for name in one_more)
+    calibrated = waits(with_one_more_reader(graph, ("calibrated/impedance/estimate",)))
+    assert {name for name in before if before[name] != calibrated[name]} == {"calibrated_estimator"}
 
 
 @pytest.mark.live
