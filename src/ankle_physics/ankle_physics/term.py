@@ -194,6 +194,9 @@ class Term(ABC):
     rings
         Whether it may be a light vibration: from another frequency a fit ends elsewhere, so that a
         search begins at several.
+    imitates
+        Whether it has stood in for other physics where nothing stood against it, so that no
+        recording by itself makes its name sure.
     of_joint
         Name of the joint to which ranges and units were brought; empty for the ankle's, as written.
     resolved_by_duration
@@ -220,6 +223,7 @@ class Term(ABC):
     resolved_by_duration: ClassVar[str] = ""
     usual: ClassVar[bool] = False
     rings: ClassVar[bool] = False
+    imitates: ClassVar[bool] = False
     of_joint: ClassVar[str] = ""
 
     def __init_subclass__(cls, **options: Any) -> None:

@@ -9,6 +9,9 @@ from model_discrepancy.report.verdict import CERTAINTY, Standing, effect_entry
 from model_discrepancy.search.found import Found
 
 
+VALUES = {"reflex_stiffening": {"kr": 80.0, "delay": 0.04, "omega": 20.0, "recovery": 0.5}}
+
+
 @pytest.mark.parametrize(
     ("at_bounds", "standing", "stated"),
     [
@@ -37,6 +40,11 @@ def test_a_further_name_is_sure_only_where_nothing_stands_against_the_model():
     assert entry_of("maxwell_relaxation", (), True, Standing.UNEXPLAINED)["probability"] < 0.3
 
 
+def test_the_name_of_a_term_that_imitates_others_is_never_sure():
+    entry = entry_of("reflex_stiffening", (), True, Standing.COMPLETE)
+    assert entry["probability"] == CERTAINTY[True, Standing.CRITICISED][0] < 0.7
+
+
 def test_rivals_are_weighed_against_the_model_that_they_were_tried_with():
     """A flexible term lowers the error of the final model, and of none of its rivals."""
     rival = SimpleNamespace(name="short_range_stiffness", fit=SimpleNamespace(score=1.0))
@@ -58,7 +66,10 @@ def entry_of(name, at_bounds, first, standing, rivals=(), inflexible=None):
     )
     before = None if inflexible is None else SimpleNamespace(score=inflexible)
     final = SimpleNamespace(
-        values={name: {"k": 30.0, "T": 0.1}}, errors={}, score=1.0, at_bounds=at_bounds
+        values={name: VALUES.get(name, {"k": 30.0, "T": 0.1})},
+        errors={},
+        score=1.0,
+        at_bounds=at_bounds,
     )
     return effect_entry(
         effect,

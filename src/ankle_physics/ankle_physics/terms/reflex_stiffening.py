@@ -27,6 +27,9 @@ class ReflexStiffening(ReflexArc):
     name = "reflex_stiffening"
     place = Place.REFLEX_DYNAMICS
     family = "reflex gain by position"
+    # In the three of 128 counted recordings in which nothing stood against it, it stood in for a
+    # power law and a threshold of the reflex that the library lacked, and for a slack spindle.
+    imitates = True
     separated_by = "movements back at several times after a stretch"
     sentence = "The muscle is stiffer while its reflex contracts it."
     parameters = (

@@ -129,7 +129,7 @@ def effect_entry(
         Whether it is the largest.
     standing
         Of the augmented model. A parameter of this effect at the end of its range criticises a
-        complete one.
+        complete one, and so does a term that imitates others.
     """
     name = effect.trial.name
     term = term_library()[name]
@@ -138,8 +138,8 @@ def effect_entry(
         float(np.exp(-max(t.fit.score / found.compared.score - 1.0, 0.0) / ODDS_SCALE))
         for t in rivals
     ]
-    if standing is Standing.COMPLETE and any(
-        label.startswith(f"{name}.") for label in found.final.at_bounds
+    if standing is Standing.COMPLETE and (
+        term.imitates or any(label.startswith(f"{name}.") for label in found.final.at_bounds)
     ):
         standing = Standing.CRITICISED
     of_name, of_its_family = CERTAINTY[first, standing]
