@@ -8,7 +8,6 @@ from model_discrepancy.report.effect_size import Size
 from model_discrepancy.report.verdict import CERTAINTY, Standing, effect_entry
 from model_discrepancy.search.found import Found
 
-
 VALUES = {"reflex_stiffening": {"kr": 80.0, "delay": 0.04, "omega": 20.0, "recovery": 0.5}}
 
 
