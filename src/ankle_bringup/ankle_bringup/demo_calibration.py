@@ -181,7 +181,7 @@ def calibrate(out: Path, hidden: ImperfectRig, seed: int, console: Console) -> C
     try:
         with working("calibrating the session") as step:
             found = calibrate_session(session, out / "diagnosis", calibrated.rig, step)
-            require_gain(found.model, Recording.from_bag(session), calibrated.rig)
+            require_gain(found, Recording.from_bag(session), calibrated.rig)
     except CalibrationError as error:
         console.print(f"The session is not calibrated: {error}")
         return Calibration(calibrated.rig, None)

@@ -9,7 +9,12 @@ from ankle_physics.rig_file import Measured, RigFile
 from ankle_physics.virtual_rig import simulate
 from calibration import session_calibration
 from calibration.errors import CalibrationError
-from calibration.session_calibration import calibrate_session, require_gain, rig_contradictions
+from calibration.session_calibration import (
+    CalibratedSession,
+    calibrate_session,
+    require_gain,
+    rig_contradictions,
+)
 from model_discrepancy.recording.recording import Recording
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
@@ -50,10 +55,10 @@ def test_a_calibrated_session_says_where_its_values_hold(plain, tmp_path, monkey
     assert at.time == pytest.approx(10.0, abs=0.1)
 
 
-def stated(K_error, G_error):
+def stated(K_error, G_error, verdict="explained", error_cut=0.2):
     model = Model.of(CORE)
     model.stated = {"K": StatedValue(100.0, K_error), "G": StatedValue(10.0, G_error)}
-    return model
+    return CalibratedSession(model, {"verdict": verdict}, error_cut)
 
 
 def test_a_model_with_which_k_is_open_is_refused_where_the_estimator_knows_it(plain):
@@ -66,9 +71,16 @@ def test_a_model_with_which_k_is_open_is_refused_where_the_estimator_knows_it(pl
         require_gain(stated(2.0, 5.0), plain)
 
 
+def test_a_model_that_explains_most_of_the_error_is_kept(plain):
+    require_gain(stated(60.0, 5.0, error_cut=0.8), plain)
+    for less in (stated(60.0, 5.0, error_cut=0.4), stated(60.0, 5.0, "unexplained", 0.8)):
+        with pytest.raises(CalibrationError):
+            require_gain(less, plain)
+
+
 def test_a_model_whose_estimates_are_not_doubted_is_kept(plain):
     require_gain(stated(12.0, 1.0), plain)
-    require_gain(Model.of(CORE), plain)
+    require_gain(CalibratedSession(Model.of(CORE), {"verdict": "no_mismatch"}), plain)
 
 
 def test_an_uncertain_model_is_kept_where_the_estimator_without_it_knows_less():

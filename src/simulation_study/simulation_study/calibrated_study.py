@@ -69,7 +69,7 @@ def calibrated(made: Session, folder: Path) -> tuple[RigFile | None, Model | Non
         try:
             part = made.part(False)
             found = calibrate_session(part, folder, rig)
-            require_gain(found.model, part, rig)
+            require_gain(found, part, rig)
             found.model.save(subject)
         except CalibrationError as error:
             failure.write_text(f"session: {error}")

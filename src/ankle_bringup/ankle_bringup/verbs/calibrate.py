@@ -214,7 +214,7 @@ def session(
     contradictions = _require_its_rig(recording, bag, known, rig, force)
     with working("calibrating the session") as step:
         found = calibrate_session(recording, report, known, step)
-        require_gain(found.model, recording, known)
+        require_gain(found, recording, known)
     found.model.save(out)
     warnings = _shown(found)
     console.print(f"written to {out.resolve()}; report: {(report / 'report.html').resolve()}")
