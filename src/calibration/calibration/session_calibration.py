@@ -34,9 +34,9 @@ on: the 95 % then reach from half of the value to one and a half of it, more tha
 a session."""
 MOST_OF_ERROR = 0.5
 """[1] A model that explains a recording and takes off so much of the error that the paper's model
-leaves is never refused. Of 72 sessions of an independent rig three such models would have been, with
-K up to 15 % off and G up to 15 %; without them G was off by up to 112 %, with a standard error of
-12 %."""
+leaves is never refused. Of 72 sessions of an independent rig three such models would have been,
+with K and G up to 15 % off; without them G was off by up to 112 %, with a standard error of 12 %.
+"""
 UNITS = {"K": "N.m/rad", "G": "N.m.s/rad"}
 """Each value that a model states of the whole joint has this unit."""
 SHOWN_VALUES = ("K", "K_effective", "G")
@@ -344,8 +344,8 @@ def require_gain(
     if imprecision(*with_it) > imprecision(*without):
         raise CalibrationError(
             f"{recording.name} cannot calibrate a session: with the terms that were found the "
-            f"standard error is {100.0 * with_it[0]:.0f} % of K and {100.0 * with_it[1]:.0f} % of G, "
-            f"without them {100.0 * without[0]:.0f} and {100.0 * without[1]:.0f} %, so that the "
+            f"standard error is {100.0 * with_it[0]:.0f} % of K and {100.0 * with_it[1]:.0f} % of "
+            f"G, without them {100.0 * without[0]:.0f} and {100.0 * without[1]:.0f} %, so that the "
             "estimator goes on without them; record longer, or another movement, which 'ankle "
             "design-experiment' proposes from the report"
         )
