@@ -166,7 +166,8 @@ def plate_alone(rig: str) -> Model:
     if not rig:
         raise ModelError(
             "foot = false needs the parameter rig with a rig file: without it the plate has no "
-            "inertia, and there is nothing to be seen"
+            "inertia, and there is nothing to be seen; name one, as 'ankle up rig_to_calibrate "
+            "--emulator --set rig_emulator.rig=FILE' (docs/calibration.md shows a whole file)"
         )
     return RigFile.load(rig).twin(with_voluntary_torque(Model.of({}, "plate without a foot")))
 
