@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import os
 import time
+from contextlib import closing
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
@@ -135,8 +136,11 @@ def run_live(bag: Path, seconds: float, logs: Path, result: Result, console: Con
     )
     with console.status("compiling the estimator (once after installing; one to two minutes)"):
         compile_estimator("simultaneous")
-    with observer("demo") as node, Processes(graph, logs) as processes:
-        monitor = LiveMonitor(node)
+    with (
+        observer("demo") as node,
+        closing(LiveMonitor(node)) as monitor,
+        Processes(graph, logs) as processes,
+    ):
         watch(monitor, processes, seconds, lambda left: status_table(monitor, left), console)
     sent = round(seconds * 2048)
     recorded = len(BagReader(bag).signal(ANKLE_SAMPLES.absolute)[1])

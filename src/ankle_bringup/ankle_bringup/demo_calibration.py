@@ -7,6 +7,7 @@ time. Then one live run is estimated twice side by side.
 from __future__ import annotations
 
 import math
+from contextlib import closing
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
@@ -240,8 +241,11 @@ def _run_side_by_side(
     topics = ESTIMATE, CALIBRATED, SAMPLES, TRUTH
     graph = load_graph("simulated_calibrated").with_settings(settings)
     graph = with_one_more_reader(graph, topics)
-    with observer("demo") as node, Processes(graph, out / "logs") as processes:
-        monitor = LiveMonitor(node, topics)
+    with (
+        observer("demo") as node,
+        closing(LiveMonitor(node, topics)) as monitor,
+        Processes(graph, out / "logs") as processes,
+    ):
         watch(monitor, processes, LIVE_SECONDS, lambda left: _live_table(monitor, left), console)
 
 

@@ -76,7 +76,7 @@ class Stream:
 
 
 class LiveMonitor:
-    """Subscribes to the graph's main topics as any other reader would.
+    """Subscribes to the graph's main topics as any other reader would, until it is closed.
 
     Parameters
     ----------
@@ -136,6 +136,12 @@ class LiveMonitor:
     def since_valid(self) -> float:
         """Return the time from the last valid estimate to the last estimate [s]; NaN without."""
         return self.latest(ESTIMATE, TIME_COLUMN) - self.latest_valid(TIME_COLUMN)
+
+    def close(self) -> None:
+        """Let go of the node. Until then it stays in the graph as a reader of the topics, even
+        behind the end of its observer, and another graph's nodes would count it.
+        """
+        self._executor.shutdown()
 
     def spin(self, seconds: float) -> None:
         """Process what arrives during the next seconds."""

@@ -130,6 +130,7 @@ def run_graph(graph: Graph, logs: Path, seconds: float, console: Console) -> Non
     with (
         ending_by_signal(),
         observer(own_signals=True, namespace=graph.namespace) as node,
+        contextlib.closing(LiveMonitor(node, topics)) as monitor,
         Processes(graph, logs) as processes,
     ):
         drivers = [
@@ -138,7 +139,6 @@ def run_graph(graph: Graph, logs: Path, seconds: float, console: Console) -> Non
             if one.package == DRIVER
         ]
         show_pages(graph)
-        monitor = LiveMonitor(node, topics)
         rig: list[str] = []
         has_estimator = any(one.package == ESTIMATOR for one in graph.nodes)
 

@@ -1,6 +1,9 @@
 """What `ankle params` and `ankle echo` say of a running graph."""
 
+import gc
 import threading
+import time
+from contextlib import closing
 
 import pytest
 import rclpy
@@ -13,6 +16,7 @@ from ankle_bringup import live_graph
 from ankle_bringup.command_line import app
 from ankle_bringup.errors import RunError
 from ankle_bringup.live_graph import describe_parameters, echo, observer
+from ankle_bringup.live_monitor import MONITORED, LiveMonitor
 from ankle_interfaces.topics import IMPEDANCE_PROVENANCE, RIG_STATE, SESSION_EVENT
 from ankle_node.qos import publisher_qos
 
@@ -133,3 +137,17 @@ def test_a_topic_of_a_laboratory_with_a_namespace_is_looked_for_there(monkeypatc
     asked = ["echo", SESSION_EVENT.absolute, "--namespace", "left"]
     done = CliRunner().invoke(app, asked)
     assert f"nobody publishes '/left{SESSION_EVENT.absolute}'" in str(done.exception)
+
+
+def test_a_monitor_that_is_closed_is_no_reader_any_more():
+    """Whether or not Python has collected it: its subscriptions refer to it and to each other."""
+    gc.collect()
+    gc.disable()
+    try:
+        with observer("first") as node, closing(LiveMonitor(node)) as monitor:
+            monitor.spin(0.5)
+        with observer("second") as node:
+            time.sleep(1.5)
+            assert [node.count_subscribers(topic) for topic in MONITORED] == [0, 0, 0, 0]
+    finally:
+        gc.enable()
