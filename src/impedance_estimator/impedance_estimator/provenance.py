@@ -45,6 +45,11 @@ def provenance(stream: EstimateStream) -> str:
 def model_text(stream: EstimateStream) -> str:
     """Return the text of the model file that a stream's estimates are made with; empty where there
     is none.
+
+    Parameters
+    ----------
+    stream
+        Its known physics counts.
     """
     subject = stream.known.subject if stream.known is not None else None
     return subject.text() if subject is not None else ""

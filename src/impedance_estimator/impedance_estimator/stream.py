@@ -34,8 +34,7 @@ COMPILATION_DURATION = 2.0
 complete after half a second.
 """
 UNCERTAIN_CALIBRATION = (
-    "the calibrated session knows K no better than to 14 % or G no better than to 12 %: terms that "
-    "it found share what they explain"
+    "the calibrated session knows K no better than to 14 % or G no better than to 12 %"
 )
 RESPONSE_RATE = 2.0
 """So many reflex impulse responses are sent per second [Hz]."""

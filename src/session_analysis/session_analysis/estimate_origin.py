@@ -15,7 +15,7 @@ from typing import Any
 
 import yaml
 
-from ankle_interfaces.topics import IMPEDANCE_PROVENANCE
+from ankle_interfaces.topics import IMPEDANCE_PROVENANCE, Topic
 from ankle_interfaces.yaml_text import YamlError, parse_yaml
 from session_analysis.errors import AnalysisError
 from session_analysis.holds import Hold
@@ -121,11 +121,26 @@ def recorded_origins(path: Path) -> list[Origin]:
     AnalysisError
         A statement is in no known form.
     """
-    store, topic, bag = typestore(), IMPEDANCE_PROVENANCE, BagReader(path)
+    stated = recorded_texts(BagReader(path), IMPEDANCE_PROVENANCE)
+    return [Origin.from_text(text, time, path) for time, text in stated]
+
+
+def recorded_texts(bag: BagReader, topic: Topic) -> list[tuple[float, str]]:
+    """Return the messages of a topic of texts, each with its time of the recorder [s], in the order
+    of time; nothing where the bag does not have the topic.
+
+    Parameters
+    ----------
+    bag
+        The recording.
+    topic
+        Of `std_msgs/String`.
+    """
     if topic.absolute not in bag.topics:
         return []
+    store = typestore()
     return [
-        Origin.from_text(store.deserialize_cdr(message, topic.message).data, 1e-9 * time, path)  # type: ignore[attr-defined]
+        (1e-9 * time, store.deserialize_cdr(message, topic.message).data)  # type: ignore[attr-defined]
         for _, time, message in bag.messages([topic.absolute])
     ]
 

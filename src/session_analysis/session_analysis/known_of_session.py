@@ -15,10 +15,10 @@ from session_analysis.estimate_origin import (
     CALIBRATION_KEYS,
     Origin,
     recorded_origins,
+    recorded_texts,
     title_and_sum,
 )
 from session_recorder.bag_reader import BagReader
-from session_recorder.message_definitions import typestore
 from session_recorder.rig_of_bag import rig_of_bag
 
 LARGEST_MODEL_FILE = 1_000_000
@@ -112,7 +112,7 @@ def recorded_model(bag: BagReader, sha256: str) -> Model | None:
         The bag carries a model with terms that are not known here.
     """
     unread: ModelError | None = None
-    for text in dict.fromkeys(_carried_texts(bag)):
+    for text in dict.fromkeys(text for _, text in recorded_texts(bag, IMPEDANCE_MODEL) if text):
         try:
             model = Model.from_text(text)
         except ModelError as error:
@@ -161,16 +161,6 @@ def model_in_force(bag: BagReader) -> tuple[Model | None, str]:
         f"the model {title_and_sum(stated)}, which was in force when the recording ended, is taken "
         "as known"
     )
-
-
-def _carried_texts(bag: BagReader) -> list[str]:
-    """Return the texts of the model files that a bag carries."""
-    store, topic = typestore(), IMPEDANCE_MODEL
-    if topic.absolute not in bag.topics:
-        return []
-    messages = (message for _, _, message in bag.messages([topic.absolute]))
-    texts = [store.deserialize_cdr(message, topic.message).data for message in messages]  # type: ignore[attr-defined]
-    return [text for text in texts if text]
 
 
 def _model_beside(bag: Path, sha256: str) -> Model | None:
