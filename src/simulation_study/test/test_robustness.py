@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from blind_rig import effects
-from simulation_study.robustness import estimation
+from simulation_study.robustness import arrival_limit, estimation
 from simulation_study.robustness.conditions import (
     FULL_SIZE,
     JUMP,
@@ -144,6 +144,23 @@ def test_arrival_needs_to_stay():
     values[(time > 11.0) & (time < 11.5)] = 60.0
     assert arrival(time, values, 50.0, 100.0, 10.0) == pytest.approx(1.5, abs=0.11)
     assert arrival(time, np.full(len(time), 50.0), 50.0, 100.0, 10.0) is None
+
+
+def test_who_knows_the_jump_arrives_at_once_where_all_stretches_are_alike(monkeypatch):
+    monkeypatch.setattr(arrival_limit, "JUMP_VARIATION", 0.0)
+    found = arrival_limit.arrivals_of_run(np.random.default_rng(3), 3.0)
+    assert found["told"] < 1.0
+    assert found["told window"] == found["told"]
+    # A memory of 10 s holds 93 % of the new gain after 9.3 s.
+    assert found["window"] == pytest.approx(9.3, abs=0.7)
+    assert found["reference"] > found["window"]
+
+
+def test_reflexes_that_vary_keep_even_who_knows_the_jump_from_arriving_first_always(capsys):
+    arrival_limit.main(["--seed", "3", "--runs", "60"])
+    smallest = next(line for line in capsys.readouterr().out.splitlines() if "1.4" in line)
+    for cell in smallest.split("|")[2:-1]:
+        assert 0.5 < int(cell.split()[0]) / 60 < 0.9
 
 
 def test_who_arrives_first_is_counted_over_runs(tmp_path):
