@@ -184,6 +184,9 @@ class Term(ABC):
         friction carries a part of what a spring would. Empty where there is none.
     companions
         Terms that come with this one and can be told from the base model only beside it.
+    turned_by
+        Term that frees how this one turns, which is faster than a recording tells. It joins a model
+        once this one is in it, and leaves with it. Empty where there is none.
     generalises
         Terms that are special cases of this one. It fits at least as well as they do by having more
         parameters, so it is chosen only where it does better than chance beyond them.
@@ -219,6 +222,7 @@ class Term(ABC):
     follows_torque: ClassVar[bool] = False
     follows_time: ClassVar[bool] = False
     rest_torque: ClassVar[str] = ""
+    turned_by: ClassVar[str] = ""
     generalises: ClassVar[tuple[str, ...]] = ()
     resolved_by_duration: ClassVar[str] = ""
     usual: ClassVar[bool] = False

@@ -191,6 +191,7 @@ def test_every_term_says_to_whom_it_belongs():
         "footplate_friction",
         "footplate_gravity",
         "footplate_inertia",
+        "friction_turning",
         "lost_motion",
         "partial_sensor_mode",
         "plate_appendage",

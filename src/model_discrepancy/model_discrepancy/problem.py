@@ -165,7 +165,9 @@ def prepare(
     held: dict[str, dict[str, float]] = {}
     if rig is not None:
         recording, held = calibrated(recording, rig), held_terms(rig)
-        terms = [*terms, *(name for name in held if name not in terms)]
+        library = term_library()
+        turning = [library[name].turned_by for name in held if library[name].turned_by]
+        terms = [*terms, *(name for name in (*held, *turning) if name not in terms)]
     progress("finding how the servo follows its command")
     # Torque moves the plate when it acts, not when it is read.
     late = rig.torque_delay.value if rig is not None else 0.0

@@ -44,4 +44,5 @@ class FootplateFriction(CoulombFriction):
                 "gradually."
             ),
         ),
+        CoulombFriction.parameter("T"),
     )

@@ -24,6 +24,7 @@ from model_discrepancy.search.found import REFINEMENT, Effect, Found, Progress, 
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.hypothesis import Fork, Hypothesis
 from model_discrepancy.search.null import Null
+from model_discrepancy.search.screening import with_turning
 from model_discrepancy.search.trials import (
     drop_superfluous,
     fixed_errors,
@@ -321,7 +322,9 @@ class Hypotheses:
     def _add(self, hypothesis: Hypothesis, trial: Trial) -> None:
         """Add a term and remove what it makes superfluous."""
         found, fitter = hypothesis.found, self._fitter
-        current = fitter.fit(trial.fit.terms, trial.fit.values, evaluations=15)
+        current = with_turning(
+            fitter, fitter.fit(trial.fit.terms, trial.fit.values, evaluations=15)
+        )
         # An alignment may become a skew between the channels, which has to be allowed.
         if self._grids.allows(ALIGNMENT):
             current = align(fitter, current)

@@ -163,8 +163,19 @@ def with_term(terms: Sequence[str], name: str) -> list[str]:
 
 
 def without_term(terms: Sequence[str], name: str) -> list[str]:
-    """Return the terms without this one and its companions."""
-    return [n for n in terms if n != name and n not in term_library()[name].companions]
+    """Return the terms without this one, its companions, and what frees how it turns."""
+    term = term_library()[name]
+    return [n for n in terms if n not in (name, term.turned_by, *term.companions)]
+
+
+def with_turning(fitter: Fitter, fit: Fit) -> Fit:
+    """Return a model in which friction turns in a way of its own, refitted; the same where none of
+    its terms does, or all may already.
+    """
+    library = term_library()
+    turning = dict.fromkeys(library[n].turned_by for n in fit.terms if library[n].turned_by)
+    missing = [name for name in turning if name not in fit.terms]
+    return fitter.fit([*fit.terms, *missing], fit.values, evaluations=15) if missing else fit
 
 
 def grid(name: str, duration: float) -> list[Point]:

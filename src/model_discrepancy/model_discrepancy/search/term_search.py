@@ -40,7 +40,7 @@ from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.harm import predicts_worse
 from model_discrepancy.search.hypotheses import BEHIND_RATIO, Hypotheses, Hypothesis
 from model_discrepancy.search.null import Null
-from model_discrepancy.search.screening import with_term, without_term
+from model_discrepancy.search.screening import with_term, with_turning, without_term
 from model_discrepancy.search.shared_families import unite
 from model_discrepancy.search.subject_anew import subject_anew
 from model_discrepancy.search.trials import (
@@ -236,7 +236,10 @@ def _score(fitter: Fitter, found: Found, grids: Grids, null: Null, progress: Pro
 def _settle(fitter: Fitter, base: Fit, best: Hypothesis, null: Null, yardstick: np.ndarray) -> None:
     """Fit the hypothesis to the end, and settle what its alignment is."""
     found = best.found
-    current = fitter.fit(best.current.terms, best.current.values, evaluations=15, tolerance=1e-5)
+    current = with_turning(
+        fitter,
+        fitter.fit(best.current.terms, best.current.values, evaluations=15, tolerance=1e-5),
+    )
     _settle_alignment(fitter, found, current, null, yardstick)
     found.final = current
     if is_alignment(fitter, current):
