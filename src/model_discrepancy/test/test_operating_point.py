@@ -205,14 +205,14 @@ def test_what_refinements_changed_widens_the_error():
     assert error_of(found) == pytest.approx((0.5 * 60.0**2) ** 0.5, rel=0.01)
 
 
-def test_dry_friction_that_may_hold_torque_at_rest_widens_the_error():
-    final = fit(100.0)
-    final.values["coulomb_friction"] = {"F": 1.0, "v0": 0.03}
-    final.terms = tuple(final.values)
-    at = OperatingPoint(step=0.04)
-    assert with_model_error(STATED_IMPEDANCE, Found(fit(100.0), final), at)[KEY][
-        1
-    ] == pytest.approx(1.0 / (3.0**0.5 * 0.04), rel=0.01)
+def test_what_friction_may_hold_at_rest_widens_the_error_of_the_stiffness():
+    found = Found(fit(100.0), fit(100.0))
+    stated = {**STATED_IMPEDANCE, "G[N.m.s/rad]": (10.0, 0.1)}
+    plain, wider = (
+        with_model_error(stated, found, OperatingPoint(), at_rest=error) for error in (0.0, 14.0)
+    )
+    assert wider[KEY][1] ** 2 - plain[KEY][1] ** 2 == pytest.approx(14.0**2)
+    assert wider["G[N.m.s/rad]"] == plain["G[N.m.s/rad]"]
 
 
 MASSLESS_FOOT = {

@@ -22,6 +22,7 @@ from model_discrepancy.problem import Problem
 from model_discrepancy.recording.channel_gains import Finding
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.report.effect_size import size_of
+from model_discrepancy.report.friction_at_rest import stiffness_of_friction_at_rest
 from model_discrepancy.report.operating_point import (
     equation_misfit,
     operating_point,
@@ -196,6 +197,7 @@ def _verdict(
         missing,
         tentative,
         equation_misfit(held, after),
+        stiffness_of_friction_at_rest(fitter, held.final, at.step),
     )
     for effect, entry in zip(named, effects, strict=False):
         without = stated_fit(fitter, effect.without, after)

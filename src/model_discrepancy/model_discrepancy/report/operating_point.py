@@ -141,6 +141,7 @@ def with_model_error(
     missing: bool = False,
     tentative: Sequence[tuple[float, Fit]] = (),
     misfit: float = 1.0,
+    at_rest: float = 0.0,
 ) -> dict[str, tuple[float, float | None]]:
     """Return an impedance with standard errors that hold where the model is not quite right.
 
@@ -169,6 +170,9 @@ def with_model_error(
         without it.
     misfit
         Of the found terms' equations, as `equation_misfit` returns it.
+    at_rest
+        Standard error of K by what friction may hold at rest [N.m/rad], as
+        `stiffness_of_friction_at_rest` returns it.
 
     Returns
     -------
@@ -188,7 +192,6 @@ def with_model_error(
     moved = [(odds, there) for (odds, _), there in zip(others, impedances, strict=True)]
     total = 1.0 + sum(odds for odds, _ in moved)
     shares = _model_shares(found, missing)
-    held = _rest_torque(found.final) / (np.sqrt(3.0) * at.step)
     exactness = float(np.clip(misfit, LEAST_EQUATION_SHARE, EQUATION_SHARE)) / EQUATION_SHARE
     unrefined = _values(found.unrefined.values, at) if found.unrefined is not None else None
     wider: dict[str, tuple[float, float | None]] = {}
@@ -206,7 +209,7 @@ def with_model_error(
         if unrefined is not None:
             variance += _REFINEMENT_ODDS * (value - unrefined[name]) ** 2
         variance += _WEIGHTING_ODDS * (value - searched[name]) ** 2
-        variance += held**2 if name in ("K", "K_effective") else 0.0
+        variance += at_rest**2 if name in ("K", "K_effective") else 0.0
         variance += sum(odds * (there[name] - value) ** 2 for odds, there in moved) / total
         wider[key] = (value, float(np.sqrt(variance)))
     return wider
@@ -251,15 +254,6 @@ def _model_shares(found: Found, missing: bool) -> dict[str, float]:
             squares.append(UNEXPLAINED_SHARE[name])
         shares.append((name, float(np.linalg.norm(squares))))
     return dict(shares)
-
-
-def _rest_torque(fit: Fit) -> float:
-    """Return the torque [N.m] that dry friction may hold at rest: any up to its own, either way."""
-    return sum(
-        fit.values[name][term_library()[name].rest_torque]
-        for name in fit.terms
-        if term_library()[name].rest_torque
-    )
 
 
 def _values(
