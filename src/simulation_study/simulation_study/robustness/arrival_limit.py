@@ -32,7 +32,7 @@ SECONDS, JUMP_TIME = 60.0, 30.0
 """Length of a run and moment of its jump [s], as in the counted recordings."""
 RATE = Settings.estimate_rate
 AMPLITUDE, RISE = 0.04, 0.024
-"""Of the pulses and steps [rad], [s], as in those recordings."""
+"""Size [rad] and edge [s] of pulses and steps are those of the counted recordings."""
 AVERAGES = ("told", "window", "told window")
 
 
