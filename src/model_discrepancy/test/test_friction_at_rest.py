@@ -1,10 +1,13 @@
 """How much stiffness friction at rest may imitate, as far as a recording tells."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from ankle_physics.terms.coulomb_friction import CoulombFriction, direction
 from model_discrepancy.problem import prepare
+from model_discrepancy.report import friction_at_rest
 from model_discrepancy.report.friction_at_rest import (
     held_at_rest,
     stiffness_of_friction_at_rest,
@@ -62,3 +65,20 @@ def test_torque_that_is_held_widens_the_error_of_the_stiffness(monkeypatch):
 def test_without_friction_there_is_no_such_error(monkeypatch):
     problem = prepare(simulate_trial({}, seed=4, duration=20.0))
     assert stiffness_of_friction_at_rest(problem.fitter, problem.base, STEP) == 0.0
+
+
+def test_nothing_tells_of_a_plate_that_never_rests(monkeypatch):
+    fitter, fit, _ = fitted("random", monkeypatch)
+    monkeypatch.setattr(friction_at_rest, "held_at_rest", np.zeros_like)
+    size = fit.values["coulomb_friction"]["F"]
+    error = stiffness_of_friction_at_rest(fitter, fit, STEP)
+    assert error == pytest.approx(size / (3.0**0.5 * STEP))
+
+
+def test_friction_of_another_equation_is_asked_too(monkeypatch):
+    fitter, fit, _ = fitted("random", monkeypatch)
+    error = stiffness_of_friction_at_rest(fitter, fit, STEP)
+    own = replace(fit, values={**fit.values, "coulomb_friction": {"F": F}})
+    monkeypatch.setattr(fitter, "derivatives", lambda _: derivatives)
+    derivatives = type(fitter).derivatives(fitter, fit)
+    assert stiffness_of_friction_at_rest(fitter, own, STEP) < 3.0 * error

@@ -50,3 +50,6 @@ def test_the_turning_comes_with_friction_and_goes_with_it(other_turning):
     assert set(freed.terms) == {*plain.terms, TURNED}
     assert with_turning(None, freed) is freed
     assert not {"coulomb_friction", TURNED} & set(without_term(freed.terms, "coulomb_friction"))
+    # The friction of a calibrated rig needs it still.
+    beside = [*freed.terms, "footplate_friction"]
+    assert set(beside) - set(without_term(beside, "coulomb_friction")) == {"coulomb_friction"}

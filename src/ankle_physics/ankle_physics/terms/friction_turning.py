@@ -13,8 +13,9 @@ from ankle_physics.terms.coulomb_friction import direction
 # Speed within which a bearing usually turns [rad/s], with the velocity. It is subtracted from the
 # others, which so change how the friction turns, and not its size.
 _SUBTRACTED = 0.01, 0.0
-# Three times as sharp or as gradual, and sooner or later than the velocity by the time in which a
-# movement of 24 ms passes 0.01 rad/s.
+# Sharper, more gradual, sooner and later. Of twelve sets of two to fourteen such turnings it is the
+# one with which K was nearest to the truth (within 1.5 %) in four recordings of an independent rig
+# with a command and eight simulated ones; with fourteen K was up to 3.3 % too high.
 _OTHERS = {
     "F_sharp": (0.004, 0.0),
     "F_sharp_late": (0.004, -0.0015),
@@ -26,6 +27,12 @@ _OTHERS = {
 _ROUNDING, _LEAD = (
     np.array(column)[:, np.newaxis] for column in zip(*_OTHERS.values(), strict=True)
 )
+
+
+def _when(lead: float) -> str:
+    if lead == 0.0:
+        return "with the velocity"
+    return f"{abs(1000.0 * lead):g} ms {'before' if lead > 0.0 else 'after'} the velocity does"
 
 
 class FrictionTurning(Term):
@@ -51,7 +58,7 @@ class FrictionTurning(Term):
             0.0,
             "of the order of the friction",
             description=f"It is the torque of friction that turns within {speed:g} rad/s, "
-            f"{1000.0 * lead:g} ms before the velocity does.",
+            f"{_when(lead)}.",
             linear=True,
         )
         for symbol, (speed, lead) in _OTHERS.items()

@@ -11,7 +11,7 @@ import numpy as np
 
 from ankle_physics.signals import Signals
 from ankle_physics.term import term_library
-from ankle_physics.terms.coulomb_friction import direction
+from ankle_physics.terms.coulomb_friction import CoulombFriction, direction
 from model_discrepancy.fit.block_bootstrap import STRETCH_S
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
@@ -71,7 +71,9 @@ def stiffness_of_friction_at_rest(fitter: Fitter, fit: Fit, step: float) -> floa
     derivatives, labels = fitter.derivatives(fit)
     if _STIFFNESS not in labels:
         return spring
-    values, motion, rows = fit.values[frictions[0]], fitter.motion, fitter.rows
+    motion, rows = fitter.motion, fitter.rows
+    # A friction of one's own may have other parameters: typical ones tell when it rests.
+    values = {p.symbol: p.default for p in CoulombFriction.parameters} | fit.values[frictions[0]]
     signals = Signals(motion.rate, motion.position, motion.velocity, motion.acceleration)
     held = held_at_rest(direction(signals, values["v0"], values["T"]))
     used = rows.used
@@ -79,6 +81,8 @@ def stiffness_of_friction_at_rest(fitter: Fitter, fit: Fit, step: float) -> floa
     slopes = np.linalg.lstsq(derivatives[used], column, rcond=None)[0]
     column = column - derivatives[used] @ slopes
     power = float(column @ column)
+    if not power > 0.0:
+        return spring
     stretch = (rows.time[used] / STRETCH_S).astype(int)
     score = np.bincount(stretch, column * fit.residual[used])
     found, variance = float(score.sum()) / power, float(score @ score) / power**2

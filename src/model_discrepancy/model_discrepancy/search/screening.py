@@ -163,9 +163,14 @@ def with_term(terms: Sequence[str], name: str) -> list[str]:
 
 
 def without_term(terms: Sequence[str], name: str) -> list[str]:
-    """Return the terms without this one, its companions, and what frees how it turns."""
-    term = term_library()[name]
-    return [n for n in terms if n not in (name, term.turned_by, *term.companions)]
+    """Return the terms without this one, its companions, and what frees how it turns, unless
+    another term turns so, too.
+    """
+    library = term_library()
+    turning = library[name].turned_by
+    left = [n for n in terms if n not in (name, *library[name].companions)]
+    shared = any(library[n].turned_by == turning for n in left)
+    return [n for n in left if shared or n != turning]
 
 
 def with_turning(fitter: Fitter, fit: Fit) -> Fit:
