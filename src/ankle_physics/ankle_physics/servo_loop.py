@@ -7,9 +7,10 @@ torque T of plate and joint::
 
 Inertia, viscosity and stiffness are solved together with the servo, exactly for inputs that are
 linear between samples. ``other`` is found by waveform relaxation over short windows, as in
-`ankle_physics.foot_loop`; it comes late (reflex) or is small, so that few rounds suffice. A window
-that does not converge, since the torque jumps where play or friction reverses, is halved, down to
-a `single_sample`.
+`ankle_physics.foot_loop`; it comes late (reflex) or is small, so that few rounds suffice. Dry
+friction of a plate that hardly moves is as steep as a strong damping; its slope at a window's begin
+is solved with the viscosity. A window that does not converge, since the torque jumps where play or
+friction reverses, is halved, down to a `single_sample`.
 """
 
 from __future__ import annotations
@@ -34,6 +35,9 @@ WINDOW = 0.016  # s
 MOST_ROUNDS = 20
 # Of the torque, or of 1 N.m where it is smaller; far below any sensor's resolution.
 TOLERANCE = 1e-9
+# Parts of the steepest slope, to which the one that is solved with the viscosity is rounded: the
+# matrix of each is computed once, and a window converges as well.
+DRAG_STEPS = 8
 # Rounds that settle the plate under its first load.
 SETTLING_ROUNDS = 50
 
@@ -75,6 +79,7 @@ class ServoLoop:
         self._entries = entries
         self._dynamics: SecondOrder | None = None
         self._other = 0.0
+        self._drag = 0.0
 
     def run(self, command: np.ndarray) -> tuple[Signals, dict[str, np.ndarray]]:
         """Move the plate along a command.
@@ -137,6 +142,7 @@ class ServoLoop:
             A single sample has no solution.
         """
         assert self._dynamics is not None
+        self._follow_drag()
         before, at_rest = self._run.snapshot(), self._dynamics.state
         other = np.full(len(command), self._other)
         for _ in range(MOST_ROUNDS):
@@ -210,8 +216,27 @@ class ServoLoop:
         for entry in self._entries:
             if isinstance(entry.term, CompliantCoupling):
                 k, b = entry.term.linearised(entry.values)
-                return plate, b, k
-        return plate + value("inertia", "I"), value("viscosity", "B"), value("stiffness", "K")
+                return plate, b + self._drag, k
+        inertia = plate + value("inertia", "I")
+        return inertia, value("viscosity", "B") + self._drag, value("stiffness", "K")
+
+    def _follow_drag(self) -> None:
+        """Solve the slope of friction at the present velocity with the viscosity from now on."""
+        assert self._dynamics is not None
+        position, velocity, last = self._dynamics.state
+
+        def at(speed: float) -> float:
+            return sum(entry.term.drag(entry.values, speed) for entry in self._entries)
+
+        steepest = at(0.0)
+        if not steepest > 0.0:
+            return
+        drag = steepest * round(DRAG_STEPS * max(at(velocity), 0.0) / steepest) / DRAG_STEPS
+        change = (self._drag - drag) * velocity
+        self._drag, self._other = drag, self._other + change
+        self._dynamics.resume(
+            position, velocity, last - change / (self._stiffness + self._linear()[2])
+        )
 
     def _settle(self, command: float) -> None:
         """Let the plate rest where servo and load are in balance."""

@@ -268,6 +268,14 @@ class Term(ABC):
         return {}
 
     @classmethod
+    def drag(cls, values: Values, velocity: float) -> float:
+        """Return by how much the torque grows with the plate's velocity [rad/s] around one
+        [N.m.s/rad], where it grows so steeply that a simulation of the plate has to know; 0 for
+        most terms.
+        """
+        return 0.0
+
+    @classmethod
     def imitated_by(cls, model: Mapping[str, Values]) -> dict[str, dict[str, dict[str, float]]]:
         """Return how other terms make nearly the torque of this one: for each of them, by its name,
         the values of a model, by term and symbol. A fit with such a term begins there.

@@ -8,10 +8,15 @@ from ankle_physics.actuator import Servo
 from ankle_physics.errors import ModelError
 from ankle_physics.model import Model
 from ankle_physics.sensors import NO_NOISE
+from ankle_physics.servo_loop import ServoLoop
+from ankle_physics.signals import Signals
+from ankle_physics.term import term_library
+from ankle_physics.terms.coulomb_friction import CoulombFriction
 from ankle_physics.virtual_rig import VirtualRig, simulate
 
 RATE = 2048.0
 JOINT = {"inertia": {"I": 0.012}, "viscosity": {"B": 0.7}, "stiffness": {"K": 100.0}}
+FRICTION = {"F": 1.0, "v0": 0.02}
 
 
 def steps(seconds=2.0, each=((0.3, 0.04), (0.9, -0.04), (1.4, 0.03))):
@@ -62,6 +67,40 @@ def test_torque_that_jumps_at_a_reversal_has_one_motion(term):
         for reference, rate in ((coarse, RATE), (fine, 2.0 * RATE))
     )
     assert np.std(at_rate - at_twice[::2]) < 0.01 * np.std(at_rate)
+
+
+def test_friction_of_a_resting_plate_is_solved_in_few_rounds(monkeypatch):
+    """A plate with friction on a servo that gives way is simulated while a session runs."""
+    model = Model.of(JOINT | {"coulomb_friction": FRICTION, "servo_compliance": {"k_a": 2000.0}})
+
+    def rounds(steepness: float) -> int:
+        monkeypatch.setattr(
+            CoulombFriction, "drag", staticmethod(lambda v, speed: steepness * drag(v, speed))
+        )
+        solved = []
+        answer = ServoLoop._answer
+        with monkeypatch.context() as counted:
+            counted.setattr(ServoLoop, "_answer", lambda *given: solved.append(1) or answer(*given))
+            simulate(steps(), RATE, model, Servo(), NO_NOISE)
+        return len(solved)
+
+    drag = CoulombFriction.drag
+    assert 4 * rounds(1.0) < rounds(0.0)
+
+
+@pytest.mark.parametrize("term", ["coulomb_friction", "footplate_friction", "friction_turning"])
+def test_the_drag_is_the_slope_of_the_torque(term):
+    found = term_library()[term]
+    values = {p.symbol: 0.4 if p.linear else p.default for p in found.parameters}
+    slight = 1e-5
+
+    def torque(speed: float) -> float:
+        signals = Signals(RATE, np.zeros(1), np.array([speed]), np.zeros(1))
+        return sum(0.4 * column[0] for column in found().torque(signals, values, {}).values())
+
+    for speed in (0.0, 0.006, -0.02):
+        slope = (torque(speed + slight) - torque(speed - slight)) / (2.0 * slight)
+        assert found.drag(values, speed) == pytest.approx(slope, rel=1e-3)
 
 
 def test_it_sags_under_load_and_not_without():

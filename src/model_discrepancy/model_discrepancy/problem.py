@@ -14,7 +14,8 @@ from scipy.signal import coherence, welch
 from ankle_physics.model import PAPER_TERMS
 from ankle_physics.rig_file import RigFile
 from ankle_physics.term import REFLEX_PLACES, term_library
-from model_discrepancy.fit.base_model import align, fit_base
+from model_discrepancy.fit.base_model import fit_base
+from model_discrepancy.fit.closed_loop import Load
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.generic_bank import GenericBank, cross_score
@@ -33,7 +34,7 @@ from model_discrepancy.recording.known_rig import (
 from model_discrepancy.recording.motion import ACTIVATION_HZ, Motion, motion_of, motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.servo import Servo, identify_servo
-from model_discrepancy.recording.spectrum import white_density
+from model_discrepancy.servo_loop import ServoLoop, fitted_in_loop, gives_way
 
 Progress = Callable[[str], None]
 
@@ -43,11 +44,6 @@ LEAST_COHERENCE = 0.3
 LARGEST_NOISE_SHARE = 0.1
 # The reflex and the joint's own resonance lie below; a recording is never cut further down.
 LOWEST_LIMIT_HZ = 25.0
-# Compliance of the servo times the joint's impedance, where it is largest in the band that is
-# fitted: about half the share of a torque that the movement can predict because this torque moved
-# the plate. Servos of 2 to 3 kN.m/rad have 0.14 to 0.5, and such torque is named now and then. One
-# of 150 kN.m/rad, which gives way measurably, has 0.004 to 0.008; none was named in 42 recordings.
-LEAST_LOOP_GAIN = 0.03
 # Of the whitened residual, that a stiffness gains by following another course, of torque or of its
 # own: a search takes a minute, and a named term gains several per cent.
 BETTER_COURSE = 0.02
@@ -107,12 +103,7 @@ class Problem:
         """Tell whether the servo gives way so far that torque which no movement causes makes a
         movement that matters.
         """
-        compliance, rows = self.compliance, self.fitter.rows
-        if compliance is None or not compliance.significant:
-            return False
-        frequency = rows.frequency[rows.frequency <= rows.limit]
-        gain = compliance.response(frequency) * impedance(frequency, self.base)
-        return bool(np.abs(gain).max() > LEAST_LOOP_GAIN)
+        return gives_way(self.compliance, self.fitter.rows, self.base)
 
     @property
     def in_a_loop(self) -> bool:
@@ -182,7 +173,6 @@ def prepare(
         fitter = Fitter.of(motion, clear, held)
         base = fit_base(fitter, terms)
     # What the base model does not make of the movement is voluntary torque, and what is missing.
-    left = fitter.rows.torque(base.left)
     activation = float(np.mean(motion.torque)) + fitter.rows.slow(base.left, ACTIVATION_HZ)
     by_emg = emg_activation(recording, motion.velocity, activation, motion.rate, ACTIVATION_HZ)
     motion = (
@@ -191,28 +181,9 @@ def prepare(
         else replace(motion, activation=by_emg, preceding=by_emg)
     )
     compliance = _compliance(fitter, found or base, servo, rig, late)
-    if compliance is not None and compliance.significant:
-        noise = 0.0 if servo is not None else white_density(recording.torque, recording.rate)
-        if servo is not None:
-            unloaded = motion_of(recording, servo.unloaded())
-            disturbance, joint = uncaused(unloaded, fitter, base), base
-        elif compliance.precise:
-            # All torque, and no joint that would answer: the movement of the servo without a load.
-            load = on_time(motion.torque, motion.rate, late)
-            unloaded = motion.undisturbed(compliance, load, (0.0, 0.0, 0.0), noise)
-            disturbance, joint = uncaused(unloaded, fitter, base), base
-        elif found is None:
-            disturbance, joint = left, base
-        else:
-            disturbance, joint = fitter.rows.torque(found.left), found
-        disturbance = on_time(disturbance, motion.rate, late)
-        motion = motion.undisturbed(compliance, disturbance, joint_impedance(joint), noise)
-    fitter = fitter.along(motion)
-    bank = GenericBank(fitter.columns)
-    parts = interleaved(fitter.rows)
-    base = fitter.fit(terms, base.values, evaluations=15)
-    fitter.whiten_by(base.plain - bank.cross_predicted(base.plain, parts))
-    base = align(fitter, fitter.fit(terms, base.values))
+    loop = ServoLoop(recording, servo, compliance, late)
+    fitter, base = fitted_in_loop(loop, fitter.along(motion), terms, base, found)
+    bank, parts = GenericBank(fitter.columns), interleaved(fitter.rows)
     if by_emg is None:
         fitter = fitter.along(following(fitter, base)[0])
     fitter = fitter.along(replace(fitter.motion, cocontraction=stiffness_course(fitter, base)))
@@ -338,42 +309,6 @@ def _bank_over_torque(fitter: Fitter) -> GenericBank | None:
     return GenericBank(fitter.columns, over="preceding torque")
 
 
-def uncaused(unloaded: Motion, fitter: Fitter, base: Fit) -> np.ndarray:
-    """Return the torque that no movement causes [N.m], at the model's rate, shape (n,).
-
-    It is in what the base model leaves, together with physics that this model lacks. The movement
-    of the servo without a load is independent of it. So what generic regressors of this movement
-    predict is such physics, and its share of the movement has to stay there.
-
-    Parameters
-    ----------
-    unloaded
-        The movement that the servo would make without a load.
-    fitter, base
-        The base model's fit.
-    """
-    bank = GenericBank(fitter.along(unloaded).columns)
-    return fitter.rows.torque(base.left - bank.prediction(bank.learn(base.plain)))
-
-
-def joint_impedance(base: Fit) -> tuple[float, float, float]:
-    """Return the inertia [kg.m^2], viscosity [N.m.s/rad] and stiffness [N.m/rad] of a fit; 0 where
-    it has no such term.
-    """
-    inertia, viscosity, stiffness = (
-        base.values.get(name, {}).get(symbol, 0.0)
-        for name, symbol in (("inertia", "I"), ("viscosity", "B"), ("stiffness", "K"))
-    )
-    return inertia, viscosity, stiffness
-
-
-def impedance(frequency: np.ndarray, base: Fit) -> np.ndarray:
-    """Return the impedance of a fit's joint at each frequency [Hz], complex [N.m/rad]."""
-    s = 2j * np.pi * frequency
-    inertia, viscosity, stiffness = joint_impedance(base)
-    return np.asarray(inertia * s**2 + viscosity * s + stiffness)
-
-
 def clear_limit(fitter: Fitter, base: Fit) -> float:
     """Return the highest frequency up to which the position's own noise, seen through the joint, is
     a small part of the residual [Hz].
@@ -388,7 +323,7 @@ def clear_limit(fitter: Fitter, base: Fit) -> float:
     """
     rows = fitter.rows
     frequency, left = welch(base.plain[rows.used], rows.rate, nperseg=int(_SEGMENT_S * rows.rate))
-    seen = np.abs(impedance(frequency, base)) ** 2 * fitter.motion.position_noise(frequency)
+    seen = np.abs(Load.of(base).impedance(frequency)) ** 2 * fitter.motion.position_noise(frequency)
     inside = frequency <= rows.limit
     above = frequency[inside & (seen > LARGEST_NOISE_SHARE * left) & (frequency > LOWEST_LIMIT_HZ)]
     return float(above[0]) if len(above) else rows.limit

@@ -75,6 +75,11 @@ class CoulombFriction(Term):
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
         return {"F": direction(signals, float(values["v0"]), float(values["T"]))}
 
+    @classmethod
+    def drag(cls, values: Values, velocity: float) -> float:
+        size, rounding = (float(np.ravel(values[symbol])[0]) for symbol in ("F", "v0"))
+        return size * steepness(velocity, rounding)
+
 
 def direction(
     signals: Signals, rounding: float | np.ndarray, lead: float | np.ndarray
@@ -103,6 +108,13 @@ def direction(
         _log_cosh((turning - change) / rounding),
     )
     return np.asarray(rounding * (later - sooner) / (2.0 * change))
+
+
+def steepness(velocity: float, rounding: float) -> float:
+    """Return the slope of the direction over the velocity [s/rad] at one [rad/s]; it turns within
+    the rounding [rad/s].
+    """
+    return float((1.0 - np.tanh(velocity / rounding) ** 2) / rounding)
 
 
 def _log_cosh(x: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ankle_physics.signals import Signals
 from ankle_physics.term import Owner, Parameter, Place, State, Term, Values
-from ankle_physics.terms.coulomb_friction import direction
+from ankle_physics.terms.coulomb_friction import direction, steepness
 
 # Speed within which a bearing usually turns [rad/s], with the velocity. It is subtracted from the
 # others, which so change how the friction turns, and not its size.
@@ -67,3 +67,11 @@ class FrictionTurning(Term):
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
         directions = direction(signals, _ROUNDING, _LEAD) - direction(signals, *_SUBTRACTED)
         return dict(zip(_OTHERS, directions, strict=True))
+
+    @classmethod
+    def drag(cls, values: Values, velocity: float) -> float:
+        usual = steepness(velocity, _SUBTRACTED[0])
+        return sum(
+            float(np.ravel(values[symbol])[0]) * (steepness(velocity, speed) - usual)
+            for symbol, (speed, _) in _OTHERS.items()
+        )

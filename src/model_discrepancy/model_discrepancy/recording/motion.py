@@ -11,11 +11,10 @@ sharp as it was; the low-pass comes afterwards, in `rows`, on torque and model t
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from model_discrepancy.recording.compliance import Compliance
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.servo import Servo
 from model_discrepancy.recording.spectrum import (
@@ -23,7 +22,6 @@ from model_discrepancy.recording.spectrum import (
     clear_share,
     low_pass,
     noise_floor,
-    share_above,
     signal_share,
     white_density,
 )
@@ -88,45 +86,6 @@ class Motion:
     def time(self) -> np.ndarray:
         """Return the time since the first sample [s], shape (n,)."""
         return np.arange(len(self.position)) / self.rate
-
-    def undisturbed(
-        self,
-        compliance: Compliance,
-        disturbance: np.ndarray,
-        joint: tuple[float, float, float],
-        noise: float = 0.0,
-    ) -> Motion:
-        """Return the movement as it would have been without a torque that no movement causes.
-
-        The torque that such a movement would have made differs too: compliance C and joint
-        impedance Z are in a loop, which moves the plate by ``C / (1 + C Z)``.
-
-        Parameters
-        ----------
-        compliance
-            That lets this torque move the plate.
-        disturbance
-            Torque [N.m], shape (n,), that the model does not make of the movement.
-        joint
-            Inertia [kg.m^2], viscosity [N.m.s/rad] and stiffness [N.m/rad] of Z.
-        noise
-            Power density of the flat noise that the disturbance holds [N^2.m^2/Hz]. The torque
-            sensor's noise moves nothing that was measured. Where the movement was made of this very
-            torque, it holds such noise too, and 0 is right.
-        """
-        spectrum = Spectrum(disturbance - disturbance.mean(), self.rate, 1)
-        frequency = spectrum.frequency
-        s = 2j * np.pi * frequency
-        inertia, viscosity, stiffness = joint
-        giving = compliance.response(frequency)
-        acts = share_above(spectrum.values, spectrum.power_of(noise))
-        gain = acts * giving / (1.0 + giving * (inertia * s**2 + viscosity * s + stiffness))
-        return replace(
-            self,
-            position=self.position + spectrum.read(gain),
-            velocity=self.velocity + spectrum.read(gain * s),
-            acceleration=self.acceleration + spectrum.read(gain * s**2),
-        )
 
 
 def motion_step(recording: Recording) -> int:

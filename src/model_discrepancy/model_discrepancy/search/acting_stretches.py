@@ -32,8 +32,12 @@ def acting_stretches(energies: np.ndarray) -> float:
     energies
         Of what a candidate changes in each stretch, shape (stretches,).
     """
-    total = float(np.sum(energies**2))
-    return float(np.sum(energies)) ** 2 / total if total > 0.0 else 0.0
+    largest = float(np.max(energies, initial=0.0))
+    if not 0.0 < largest < np.inf:
+        return 0.0
+    # Of a candidate that no data has tamed yet, the square of an energy may exceed any number.
+    shares = energies / largest
+    return float(np.sum(shares)) ** 2 / float(np.sum(shares**2))
 
 
 def acting_in(time: np.ndarray, changes: np.ndarray) -> float:
