@@ -35,8 +35,8 @@ LEAST_LOOP_GAIN = 0.03
 # rig the fourth round and the following ones changed K and G by less than 2 %.
 _FRICTION_ROUNDS = 3
 # Of the base model's whitened error, that dry friction takes off, before a movement is taken to be
-# that of a plate with friction. In five recordings of an independent rig with friction it took off
-# 88 to 98 %, in 25 with other effects on a servo that gives way at most 55 %.
+# that of a plate with friction. In four recordings of an independent rig with friction it took off
+# 88 to 98 %, in 24 with other effects on a servo that gives way at most 55 %.
 CLEAR_FRICTION = 0.75
 _FRICTION = "coulomb_friction"
 
