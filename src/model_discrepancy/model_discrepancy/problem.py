@@ -23,6 +23,7 @@ from model_discrepancy.fit.halves import interleaved
 from model_discrepancy.fit.held_torque import following
 from model_discrepancy.fit.rows import LOW_PASS_HZ
 from model_discrepancy.fit.stiffness_course import better_course, stiffness_course
+from model_discrepancy.loaded_servo import LoadedServo, fitted_in_loop, gives_way
 from model_discrepancy.recording.compliance import Compliance, held_compliance
 from model_discrepancy.recording.emg_activation import emg_activation
 from model_discrepancy.recording.known_rig import (
@@ -34,7 +35,6 @@ from model_discrepancy.recording.known_rig import (
 from model_discrepancy.recording.motion import ACTIVATION_HZ, Motion, motion_of, motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.servo import Servo, identify_servo
-from model_discrepancy.servo_loop import ServoLoop, fitted_in_loop, gives_way
 
 Progress = Callable[[str], None]
 
@@ -181,7 +181,7 @@ def prepare(
         else replace(motion, activation=by_emg, preceding=by_emg)
     )
     compliance = _compliance(fitter, found or base, servo, rig, late)
-    loop = ServoLoop(recording, servo, compliance, late)
+    loop = LoadedServo(recording, servo, compliance, late)
     fitter, base = fitted_in_loop(loop, fitter.along(motion), terms, base, found)
     bank, parts = GenericBank(fitter.columns), interleaved(fitter.rows)
     if by_emg is None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-import model_discrepancy.servo_loop
+import model_discrepancy.loaded_servo
 from ankle_physics.model import PAPER_TERMS, Model
 from ankle_physics.virtual_rig import simulate
 from model_discrepancy.fit.closed_loop import Load, undisturbed
@@ -90,7 +90,7 @@ def test_a_recording_with_friction_on_a_servo_that_gives_way_is_explained(monkey
         predictable, stiffness = beside_friction(prepare(recording))
         assert predictable < 0.06
         assert stiffness == pytest.approx(K, rel=0.03)
-        monkeypatch.setattr(model_discrepancy.servo_loop, "CLEAR_FRICTION", 2.0)
+        monkeypatch.setattr(model_discrepancy.loaded_servo, "CLEAR_FRICTION", 2.0)
         assert beside_friction(prepare(recording))[0] > 0.09
 
 
@@ -106,12 +106,12 @@ def test_no_other_mismatch_is_taken_for_friction(monkeypatch):
     )
     recording = recorded(model)
     looked = prepare(recording).fitter.motion.position
-    monkeypatch.setattr(model_discrepancy.servo_loop, "CLEAR_FRICTION", 2.0)
+    monkeypatch.setattr(model_discrepancy.loaded_servo, "CLEAR_FRICTION", 2.0)
     assert np.array_equal(looked, prepare(recording).fitter.motion.position)
 
 
 def test_energies_of_any_size_are_counted():
-    """Of a candidate that no data has tamed they may be larger than the root of any number."""
+    """A candidate that is not fitted yet may have energies whose squares exceed any number."""
     assert acting_stretches(np.full(5, 1e200)) == pytest.approx(5.0)
     assert acting_stretches(np.zeros(5)) == 0.0
     assert acting_stretches(np.array([1.0, np.inf])) == 0.0

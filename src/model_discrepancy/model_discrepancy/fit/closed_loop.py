@@ -109,6 +109,11 @@ def undisturbed(
         Power density of the flat noise that the disturbance holds [N^2.m^2/Hz]. The torque sensor's
         noise moves nothing that was measured. Where the movement was made of this very torque, it
         holds such noise too, and 0 is right.
+
+    Returns
+    -------
+    Motion
+        With another position, velocity and acceleration [rad, rad/s, rad/s^2], shape (n,).
     """
     spectrum = Spectrum(disturbance - disturbance.mean(), motion.rate, 1)
     giving = compliance.response(spectrum.frequency)

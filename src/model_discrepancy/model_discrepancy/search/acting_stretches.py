@@ -35,7 +35,7 @@ def acting_stretches(energies: np.ndarray) -> float:
     largest = float(np.max(energies, initial=0.0))
     if not 0.0 < largest < np.inf:
         return 0.0
-    # Of a candidate that no data has tamed yet, the square of an energy may exceed any number.
+    # A candidate that is not fitted yet may have energies whose squares exceed any number.
     shares = energies / largest
     return float(np.sum(shares)) ** 2 / float(np.sum(shares**2))
 

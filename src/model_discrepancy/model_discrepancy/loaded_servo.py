@@ -31,7 +31,7 @@ from model_discrepancy.recording.spectrum import white_density
 # the plate. Servos of 2 to 3 kN.m/rad have 0.14 to 0.5, and such torque is named now and then. One
 # of 150 kN.m/rad, which gives way measurably, has 0.004 to 0.008; none was named in 42 recordings.
 LEAST_LOOP_GAIN = 0.03
-# Of movement and model, where friction is among the terms: in three recordings of an independent
+# Of movement and model, where friction is among the terms: in two recordings of an independent
 # rig the fourth round and the following ones changed K and G by less than 2 %.
 _FRICTION_ROUNDS = 3
 # Of the base model's whitened error, that dry friction takes off, before a movement is taken to be
@@ -42,7 +42,7 @@ _FRICTION = "coulomb_friction"
 
 
 @dataclass(frozen=True)
-class ServoLoop:
+class LoadedServo:
     """Describes how torque moves the plate of a recording.
 
     Attributes
@@ -119,7 +119,7 @@ def gives_way(compliance: Compliance | None, rows: Rows, base: Fit) -> bool:
 
 
 def fitted_in_loop(
-    loop: ServoLoop, measured: Fitter, terms: Sequence[str], base: Fit, found: Fit | None
+    loop: LoadedServo, measured: Fitter, terms: Sequence[str], base: Fit, found: Fit | None
 ) -> tuple[Fitter, Fit]:
     """Return the problem with the movement that the model is fitted to, whitened, and the base
     model's fit there.
@@ -159,7 +159,7 @@ def fitted_in_loop(
 
 
 def _in_turns(
-    loop: ServoLoop, measured: Fitter, terms: Sequence[str], first: Fit
+    loop: LoadedServo, measured: Fitter, terms: Sequence[str], first: Fit
 ) -> tuple[Fitter, Fit]:
     """Fit these terms and the movement, from a first fit, in turns where there is friction."""
     model = first
