@@ -21,8 +21,9 @@ added to the estimate. `known_physics_run` and `known_physics_stream` carry it o
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -172,6 +173,10 @@ class KnownPhysics:
     def added_stiffness(self, position: float, torque: float, time: float) -> float:
         """Return the stiffness that the held terms add to the estimate [N.m/rad].
 
+        Where the calibrated session states K, it is that at its own operating point, and another
+        one changes it as it changes the tangent. A missing block may take a part of a stiffness
+        that belongs to the joint.
+
         Parameters
         ----------
         position, torque
@@ -180,7 +185,8 @@ class KnownPhysics:
             Since the start [s].
         """
         at = OperatingPoint(position=position, torque=torque, time=time)
-        return tangent_stiffness(self.model, at) - self._value("stiffness", "K")
+        stiffness = tangent_stiffness(self.model, at) + self._stiffness_beyond_model
+        return stiffness - self._value("stiffness", "K")
 
     def added_gain(self, position: float, torque: float, time: float) -> float:
         """Return the reflex gain that the held terms add to the estimate [N.m.s/rad]; arguments as
@@ -192,12 +198,26 @@ class KnownPhysics:
         if not self.model.has("reflex") or not shaping_terms(self.model):
             return 0.0
         gain = reflex_gain(self.model, OperatingPoint(position, torque, time=time))
+        return gain + self._gain_beyond_model - self._value("reflex", "G")
+
+    @cached_property
+    def _stiffness_beyond_model(self) -> float:
+        return self._stated_beyond("K", tangent_stiffness)
+
+    @cached_property
+    def _gain_beyond_model(self) -> float:
+        return self._stated_beyond("G", reflex_gain)
+
+    def _stated_beyond(self, symbol: str, value: Callable[[Model, OperatingPoint], float]) -> float:
+        """Return by how much K or G as the calibrated session states it is above that of the
+        model there; 0 where the session states none.
+        """
         subject = self.subject
-        if subject is not None and subject.stated_at is not None and "G" in subject.stated:
-            where = subject.stated_at
-            there = OperatingPoint(where.position, where.torque, time=where.time)
-            gain += subject.stated["G"].value - reflex_gain(self.model, there)
-        return gain - self._value("reflex", "G")
+        if subject is None or subject.stated_at is None or symbol not in subject.stated:
+            return 0.0
+        where = subject.stated_at
+        there = OperatingPoint(where.position, where.torque, time=where.time)
+        return float(subject.stated[symbol].value) - value(self.model, there)
 
     def expectation(self) -> Expectation:
         """Return what the calibrated session says about the joint's core before the first sample.

@@ -2,6 +2,8 @@
 joint with further terms, look like the joint's core alone.
 """
 
+import copy
+
 import numpy as np
 import pytest
 from random_motion import CORE
@@ -68,6 +70,24 @@ def test_the_gain_of_the_calibrated_session_is_that_of_its_own_movement():
     more = [k.added_gain(0.05, 4.0, 30.0) - k.added_gain(0.0, 4.0, 30.0) for k in (known, usual)]
     assert more[0] == pytest.approx(more[1])
     assert more[0] > 0.1
+
+
+def test_the_stiffness_of_the_calibrated_session_is_the_one_that_it_states():
+    """A missing block took a part of it, which belongs to the joint."""
+    model = Model.of({**CORE, "hardening_stiffness": {"k3": 4000.0, "xc": 0.0}})
+    plain = KnownPhysics(subject=copy.deepcopy(model))
+    model.stated = {"K": StatedValue(150.0, 4.0)}
+    model.stated_at = StatedAt(0.02, 4.0, 30.0)
+    known = KnownPhysics(subject=model)
+    core = model.entry("stiffness").values["K"]
+    assert core + known.added_stiffness(0.02, 4.0, 30.0) == pytest.approx(150.0)
+    assert core + plain.added_stiffness(0.02, 4.0, 30.0) < 140.0
+    more = [
+        k.added_stiffness(0.05, 4.0, 30.0) - k.added_stiffness(0.02, 4.0, 30.0)
+        for k in (known, plain)
+    ]
+    assert more[0] == pytest.approx(more[1])
+    assert more[0] > 10.0
 
 
 def test_a_late_torque_is_even_with_the_motion_again():
