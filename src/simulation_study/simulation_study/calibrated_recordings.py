@@ -43,6 +43,8 @@ CALIBRATION_DURATION = 60.0
 """[s] Of the session calibration, and of the online estimate behind it."""
 JUDGED_AFTER = 30.0
 """[s] Estimates of the first seconds are ignored, as in the robustness study."""
+SNAPSHOTS = (45.0, 60.0)
+"""[s] Standard errors are judged at these times of the part behind the calibration."""
 MEAN_LAG = 0.5 * MEMORIES[0]
 """[s] An estimate lies so far behind on average; the truth is that of the samples which it stands
 for."""
@@ -87,11 +89,15 @@ class Session:
         The subject on the same rig, `CALIBRATION_DURATION` of calibration and as much behind it.
     truth
         K [N.m/rad] and G [N.m.s/rad] of the stretch that is judged.
+    momentary
+        The same over the estimator's memory before each of `SNAPSHOTS`, shape (snapshots, 2): K of
+        a joint that hardens follows the mean angle of the memory.
     """
 
     empty: Signals
     subject: Recording
     truth: tuple[float, float]
+    momentary: np.ndarray
 
     def part(self, second: bool) -> Recording:
         """Return the part for the calibration, or the one behind it."""
@@ -173,10 +179,12 @@ def session(condition: Condition, folder: Path) -> Session:
     with np.load(file) as kept:
         rate, K, G = json.loads(str(kept["numbers"]))
         empty, subject = kept["empty"].astype(float), kept["subject"].astype(float)
+        momentary = kept["momentary"]
     return Session(
         Signals(rate, empty[0], empty[1], empty[2], empty[3]),
         Recording(rate, subject[0], subject[2], subject[1], subject[3], name=condition.name),
         (K, G),
+        momentary,
     )
 
 
@@ -186,6 +194,8 @@ def _simulate(condition: Condition) -> Session:
     samples = record(trial, done)
     first = CALIBRATION_DURATION + JUDGED_AFTER - MEAN_LAG
     truth = true_impedance(trial, done, first, condition.seconds - MEAN_LAG)
+    ends = CALIBRATION_DURATION + np.array(SNAPSHOTS)
+    momentary = [true_impedance(trial, done, end - MEMORIES[0], end) for end in ends]
     plate = record_empty_plate(trial, _calibration_command(trial))
     reference = plate.reference[:, 0]
     return Session(
@@ -199,6 +209,7 @@ def _simulate(condition: Condition) -> Session:
             name=condition.name,
         ),
         (truth.K, truth.G),
+        np.array([[one.K, one.G] for one in momentary]),
     )
 
 
@@ -223,6 +234,7 @@ def _write(file: Path, made: Session) -> None:
         np.savez(
             stream,
             numbers=json.dumps([s.rate, *made.truth]),
+            momentary=made.momentary,
             empty=np.array([e.position, e.velocity, e.torque, e.reference], dtype=np.float32),
             subject=np.array([s.position, s.velocity, s.torque, s.reference], dtype=np.float32),
         )

@@ -35,6 +35,7 @@ from simulation_study.calibrated_recordings import (
     CALIBRATION_DURATION,
     EFFECTS,
     JUDGED_AFTER,
+    SNAPSHOTS,
     Session,
     session,
     sessions,
@@ -50,8 +51,6 @@ UNCALIBRATED, WITH_RIG, WITH_BOTH = "none", "rig", "rig and session"
 GAINS = {"K": "K[N.m/rad]", "G": "G[N.m.s/rad]"}
 RESAMPLES = 2000
 """The recordings are resampled so often for the interval of a median."""
-SNAPSHOTS = (45.0, 60.0)
-"""[s] Standard errors are judged at these times of the second part."""
 
 
 def calibrated(made: Session, folder: Path) -> tuple[RigFile | None, Model | None, str]:
@@ -97,6 +96,7 @@ def carry_out(condition: Condition, out: Path) -> dict[str, Any]:
         "strength": condition.strength,
         "servo": condition.servo,
         "truth": list(made.truth),
+        "momentary": made.momentary.tolist(),
         "failure": failure,
         "terms": terms,
         "estimates": {name: _online(part, known) for name, known in knowledge.items()},
@@ -161,7 +161,8 @@ def report(results: list[dict[str, Any]], command: str) -> str:
         f"Written by `{command}`: {len(results)} recordings of the independent rig, "
         f"{CALIBRATION_DURATION:g} s calibrate the session, {CALIBRATION_DURATION:g} s behind them "
         "are estimated online. Absolute error in % of the truth: median (90 % of the recordings "
-        "within; largest). Covered: truth within 1.96 stated standard errors, % of snapshots. "
+        "within; largest). Covered: truth over the memory within 1.96 stated standard errors, % of "
+        "snapshots. "
         "Flagged: of the snapshots with an error above 15 % (K) or 25 % (G) those with a doubt of "
         "0.5 or more.",
         "",
@@ -204,9 +205,9 @@ def _intervals(results: list[dict[str, Any]]) -> list[str]:
         ]
         for k in range(2):
             held = [
-                all(abs(s[k] - r["truth"][k]) <= WIDTH * s[2 + k] for s in snapshots)
+                all(off[k] <= WIDTH * errors[k] for off, _, errors, _ in snapshots)
                 for r in results
-                if (snapshots := r["estimates"][name]["snapshots"])
+                if (snapshots := _snapshots(r, name))
             ]
             if not held:
                 cells.append("-")
@@ -224,6 +225,19 @@ def signed_errors(result: dict[str, Any], name: str) -> np.ndarray:
     return np.asarray(np.nan_to_num(100.0 * (found / np.array(result["truth"]) - 1.0), nan=100.0))
 
 
+def _snapshots(
+    result: dict[str, Any], name: str
+) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, float]]:
+    """Return of each snapshot how far K and G are off, the truth over its memory, the standard
+    errors, and the doubt.
+    """
+    found = result["estimates"][name]["snapshots"]
+    return [
+        (np.abs(np.subtract(row[:2], truth)), np.array(truth), np.array(row[2:4]), float(row[4]))
+        for row, truth in zip(found, result["momentary"], strict=bool(found))
+    ]
+
+
 def _row(chosen: Iterable[dict[str, Any]], name: str) -> str:
     results = list(chosen)
     sizes = np.abs([signed_errors(r, name) for r in results])
@@ -231,10 +245,9 @@ def _row(chosen: Iterable[dict[str, Any]], name: str) -> str:
     covered: list[tuple[bool, bool]] = []
     doubts, wrong = [], []
     for r in results:
-        for K, G, error_K, error_G, doubt in r["estimates"][name]["snapshots"]:
-            off = np.abs(np.array([K, G]) - r["truth"])
-            covered.append((off[0] <= WIDTH * error_K, off[1] <= WIDTH * error_G))
-            share = 100.0 * off / np.abs(r["truth"])
+        for off, truth, errors, doubt in _snapshots(r, name):
+            covered.append((off[0] <= WIDTH * errors[0], off[1] <= WIDTH * errors[1]))
+            share = 100.0 * off / np.abs(truth)
             wrong.append(share[0] > LARGE_ERROR["K"] or share[1] > LARGE_ERROR["G"])
             doubts.append(doubt >= DOUBT_THRESHOLD)
     held = 100.0 * np.mean(covered, axis=0) if covered else [np.nan, np.nan]

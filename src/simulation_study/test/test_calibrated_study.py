@@ -24,6 +24,7 @@ def result(effect, error, covered, doubt):
         "strength": "weak",
         "servo": "stiff",
         "truth": truth,
+        "momentary": [truth],
         "failure": "",
         "terms": ["stiffness", "tendon"],
         "estimates": {name: found for name in (UNCALIBRATED, WITH_RIG, WITH_BOTH)},
@@ -41,6 +42,15 @@ def test_the_table_counts_errors_coverage_and_flags():
     cells = [cell.strip() for cell in row.split("|")[3:-1]]
     assert cells == ["35.0 (39; 40)", "35.0 (39; 40)", "0, 0", "50", "50 % of 2"]
     assert any("| tendon weak | stiff | +30 / +30 / +30 |" in line for line in lines)
+
+
+def test_a_snapshot_is_judged_by_what_was_true_over_its_memory():
+    hardened = result("hardening", 0.30, False, 0.1)
+    hardened["momentary"] = [[130.0, 13.0]]
+    lines = report([hardened], "command").splitlines()
+    row = next(line for line in lines if line.startswith(f"| {WITH_BOTH} | one effect (1)"))
+    cells = [cell.strip() for cell in row.split("|")[3:-1]]
+    assert cells == ["30.0 (30; 30)", "30.0 (30; 30)", "100, 100", "0", "-"]
 
 
 def test_intervals_are_over_recordings():
