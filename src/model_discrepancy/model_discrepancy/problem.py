@@ -106,6 +106,14 @@ class Problem:
         return gives_way(self.compliance, self.fitter.rows, self.base)
 
     @property
+    def told_compliance(self) -> Compliance | None:
+        """Return how far the servo gives way, where the command or the holds tell it at each
+        frequency; None where they do not.
+        """
+        told = self.servo is not None or (self.compliance is not None and self.compliance.precise)
+        return self.compliance if told else None
+
+    @property
     def in_a_loop(self) -> bool:
         """Tell whether the movement may hold torque that no movement causes.
 
@@ -136,6 +144,7 @@ def prepare(
     progress: Progress = lambda _: None,
     rig: RigFile | None = None,
     found: Fit | None = None,
+    compliance: Compliance | None = None,
 ) -> Problem:
     """Fit the base model to a recording and learn its noise.
 
@@ -152,6 +161,9 @@ def prepare(
     found
         A model of the recording. Where no command was recorded, the torque that it leaves counts as
         what moved a servo that gives way; None: what the base model leaves.
+    compliance
+        How far the servo gives way as another recording of the rig tells it, which counts where
+        this one does not tell.
     """
     held: dict[str, dict[str, float]] = {}
     if rig is not None:
@@ -180,7 +192,8 @@ def prepare(
         if by_emg is None
         else replace(motion, activation=by_emg, preceding=by_emg)
     )
-    compliance = _compliance(fitter, found or base, servo, rig, late)
+    given = compliance if compliance is not None and compliance.rate == motion.rate else None
+    compliance = _compliance(fitter, found or base, servo, rig, late, given)
     loop = LoadedServo(recording, servo, compliance, late)
     fitter, base = fitted_in_loop(loop, fitter.along(motion), terms, base, found)
     bank, parts = GenericBank(fitter.columns), interleaved(fitter.rows)
@@ -205,11 +218,16 @@ def prepare(
 
 
 def _compliance(
-    fitter: Fitter, known: Fit, servo: Servo | None, rig: RigFile | None, late: float
+    fitter: Fitter,
+    known: Fit,
+    servo: Servo | None,
+    rig: RigFile | None,
+    late: float,
+    given: Compliance | None,
 ) -> Compliance | None:
     """Return how far the servo gives way: from the command; else from the holds, where these tell
-    it at each frequency; else as the rig's file has it, or as the holds tell it roughly. The torque
-    is read late by so much [s].
+    it at each frequency; else as another recording or the rig's file has it, or as the holds tell
+    it roughly. The torque is read late by so much [s].
     """
     if servo is not None:
         return servo.compliance
@@ -219,9 +237,11 @@ def _compliance(
         for torque in (motion.torque, not_intrinsic(fitter, known))
     )
     held = held_compliance(motion.position, motion.velocity, load, instrument, motion.rate)
-    if rig is None or (held is not None and held.precise):
+    if held is not None and held.precise:
         return held
-    return known_compliance(rig, motion.rate) or held
+    if given is None and rig is not None:
+        given = known_compliance(rig, motion.rate)
+    return given or held
 
 
 def not_intrinsic(fitter: Fitter, known: Fit) -> np.ndarray:

@@ -26,6 +26,8 @@ CONDITIONS = {"whitening_rate[Hz]": 200.0}
 
 
 STRETCHES = 40
+FIRST = SimpleNamespace(problem=SimpleNamespace(told_compliance=None))
+"""A diagnosis that does not tell how far the servo gives way."""
 
 
 def errors_of(mean, spread=0.05, seed=0, recordings=1):
@@ -161,7 +163,10 @@ def test_only_what_the_first_recording_names_is_asked_about(named, sets):
     def trial(name, score):
         return SimpleNamespace(name=name, fit=SimpleNamespace(score=score, values={name: {}}))
 
-    final = SimpleNamespace(score=100.0, values={"tendon": {}})
+    skew = {"channel_skew": {"skew": 1e-5}}
+    final = SimpleNamespace(score=100.0, values={"tendon": {}, **skew}, terms=["tendon", *skew])
+    motion = SimpleNamespace(sample_time=1e-3)
+    problem = SimpleNamespace(fitter=SimpleNamespace(columns=SimpleNamespace(motion=motion)))
     rivals = [trial("reflex_threshold", 101.0)]
     found = SimpleNamespace(
         final=final,
@@ -169,8 +174,11 @@ def test_only_what_the_first_recording_names_is_asked_about(named, sets):
         effects=[SimpleNamespace(trial=trial("tendon", 100.0), rivals=rivals)],
     )
     verdict = SimpleNamespace(effects=[{"name": name} for name in named])
-    asked = investigation._open_sets(SimpleNamespace(found=found, verdict=verdict))
+    first = SimpleNamespace(found=found, verdict=verdict, problem=problem)
+    asked = investigation._open_sets(first)
     assert [one.effect for one in asked] == sets
+    # Each recording has an alignment of its own.
+    assert all(one.models["tendon"] == {"tendon": {}} for one in asked)
 
 
 def test_torque_levels_are_simulated_one_after_the_other():
@@ -188,9 +196,8 @@ def test_names_that_no_movement_tells_apart_are_checked_in_another_one_once(monk
     design = investigation.Design([RivalSet({"a": {}, "b": {}}, 0.0)], [hopeless], [])
     monkeypatch.setattr(investigation, "_design", lambda *_: design)
     monkeypatch.setattr(investigation, "_judge", lambda *_: "nothing excluded")
-    story = investigation.Investigation(
-        None, [OpenSet("a", {"a": {}, "b": {}})], recordings=[recording]
-    )
+    sets = [OpenSet("a", {"a": {}, "b": {}})]
+    story = investigation.Investigation(FIRST, sets, recordings=[recording])
 
     def next_round():
         return investigation._next_round(story, lambda *_: recording, tmp_path, 3, lambda _: None)
@@ -317,7 +324,7 @@ def test_a_further_recording_is_made_where_what_adds_up_may_exclude_a_name(
     one = OpenSet("a", {"a": {}, "b": {}}, evidence={"a": 0.0, "b": 30.0})
     one.errors = {"a": [np.full(STRETCHES, 100.0)], "b": [100.0 + more]}
     assert one.apart("b", "a") == pytest.approx(2.0)
-    story = investigation.Investigation(None, [one], recordings=[recording, recording])
+    story = investigation.Investigation(FIRST, [one], recordings=[recording, recording])
     story.rounds = [investigation.Round("", "", "sines", 20.0, "", judged=True)]
     ended = investigation._next_round(story, lambda *_: recording, tmp_path, 3, lambda _: None)
     assert (ended == "") == made

@@ -11,7 +11,7 @@ from ankle_physics.model import PAPER_TERMS
 from ankle_physics.term import term_library
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
-from model_discrepancy.fit.parameter_scale import plausible, to_unit
+from model_discrepancy.fit.parameter_scale import Start, plausible, to_unit
 
 # The term whose smallest values say no more than how well two channels are aligned.
 ALIGNMENT = "channel_skew"
@@ -68,6 +68,11 @@ def align(fitter: Fitter, fit: Fit) -> Fit:
     )
 
 
+def without_alignment(values: Start) -> dict[str, dict[str, float]]:
+    """Return values by term and symbol without those of the channels' alignment."""
+    return {term: dict(given) for term, given in values.items() if term != ALIGNMENT}
+
+
 def is_alignment(fitter: Fitter, fit: Fit) -> bool:
     """Say whether the channels are apart by less than half a sample."""
     return (
@@ -114,7 +119,14 @@ def reflex_stands_in(fitter: Fitter, fit: Fit) -> bool:
     return bool(torque > LEAST_REFLEX_SHARE * np.var(fitter.plain_target[used]))
 
 
+def bic(fitter: Fitter, fit: Fit) -> float:
+    """Return the Bayesian information criterion of a fit, up to what all fits of a recording share
+    (Schwarz 1978, Ann. Statist. 6, 461).
+    """
+    n = fitter.rows.independent
+    return n * float(np.log(fit.score)) + fit.size * float(np.log(n))
+
+
 def bic_change(fitter: Fitter, old: Fit, new: Fit) -> float:
     """Return the BIC of the new fit minus that of the old one."""
-    n = fitter.rows.independent
-    return n * float(np.log(new.score / old.score)) + (new.size - old.size) * float(np.log(n))
+    return bic(fitter, new) - bic(fitter, old)

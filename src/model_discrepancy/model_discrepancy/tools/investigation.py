@@ -24,8 +24,10 @@ from ankle_physics.joint_profile import joint_in_force
 from ankle_physics.rig_file import RigFile
 from model_discrepancy.diagnose import Diagnosis, diagnose
 from model_discrepancy.errors import DiagnosisError
+from model_discrepancy.fit.base_model import bic, is_alignment, without_alignment
 from model_discrepancy.problem import prepare
 from model_discrepancy.recording.channel_gains import channel_findings, trusted
+from model_discrepancy.recording.compliance import Compliance
 from model_discrepancy.recording.motion import motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import faults
@@ -165,7 +167,7 @@ class Investigation:
                     "left": s.left,
                     "together": s.together,
                     "excess": s.excess,
-                    "log_likelihood_below_best": s.evidence,
+                    "half_bic_above_best": s.evidence,
                     "standard_errors_above_likeliest": s.above_likeliest,
                     "excess_without": s.without,
                 }
@@ -289,10 +291,13 @@ def _open_sets(first: Diagnosis) -> list[OpenSet]:
 
     What a search found and the verdict does not name, since it predicts no torque on unseen data or
     the movement may hold it, is no effect: what stands in for noise in one movement is excluded by
-    the next one, whatever its name.
+    the next one, whatever its name. Nor is an alignment of the channels within half a sample, which
+    each recording has of its own (`OpenSet.fitted`).
     """
     assert first.found is not None
+    assert first.problem is not None
     final = first.found.final
+    aligned = is_alignment(first.problem.fitter, final)
     named = {effect["name"] for effect in first.verdict.effects}
     sets = []
     for effect in first.found.effects:
@@ -303,6 +308,8 @@ def _open_sets(first: Diagnosis) -> list[OpenSet]:
             models |= {t.name: t.fit.values for t in effect.rivals}
             best = min(scores.values())
             excess = {name: [score / best - 1.0] for name, score in scores.items()}
+            if aligned:
+                models = {name: without_alignment(values) for name, values in models.items()}
             sets.append(OpenSet(effect.trial.name, models, excess))
     return sets
 
@@ -357,7 +364,7 @@ def _next_round(
         return ""
     progress(f"round {number}: judging {recording.name}")
     round_.answer = (
-        _judge(unsettled, recording, story.rig)
+        _judge(unsettled, recording, story.rig, _told_compliance(story))
         if unsettled
         else "It is searched together with the other recordings."
     )
@@ -419,17 +426,29 @@ def _design(
     return design
 
 
-def _judge(sets: list[OpenSet], recording: Recording, rig: RigFile | None) -> str:
+def _told_compliance(story: Investigation) -> Compliance | None:
+    """Return how far the servo gives way, as the first recording tells it."""
+    assert story.first.problem is not None
+    return story.first.problem.told_compliance
+
+
+def _judge(
+    sets: list[OpenSet],
+    recording: Recording,
+    rig: RigFile | None,
+    compliance: Compliance | None = None,
+) -> str:
     """Fit every name that is left to a new recording and exclude what it excludes."""
     findings = channel_findings(recording, identify_servo(recording, motion_step(recording)))
-    problem = prepare(trusted(recording, findings), joint_in_force().terms, rig=rig)
+    usable, terms = trusted(recording, findings), joint_in_force().terms
+    problem = prepare(usable, terms, rig=rig, compliance=compliance)
     fitter = problem.fitter
     said = []
     for one in sets:
-        scores = {}
+        scores, criterion = {}, {}
         for name in one.left:
             fit = one.fitted(fitter, name)
-            scores[name] = fit.score
+            scores[name], criterion[name] = fit.score, bic(fitter, fit)
             one.errors.setdefault(name, []).append(stretch_errors(fit))
             # The next movement is designed with what this recording made of each name.
             one.models[name] = fit.values
@@ -438,8 +457,8 @@ def _judge(sets: list[OpenSet], recording: Recording, rig: RigFile | None) -> st
         one.without.append(one.fitted_without(fitter, preferred).score / best - 1.0)
         for name, score in scores.items():
             one.excess.setdefault(name, []).append(score / best - 1.0)
-            gain = 0.5 * fitter.rows.independent * float(np.log(score / best))
-            one.evidence[name] = one.evidence.get(name, 0.0) + gain
+            less_likely = 0.5 * (criterion[name] - min(criterion.values()))
+            one.evidence[name] = one.evidence.get(name, 0.0) + less_likely
         one.left = remaining(one, list(scores))
         out = [name for name in scores if name not in one.left]
         said.append(

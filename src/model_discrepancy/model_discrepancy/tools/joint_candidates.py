@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ankle_physics.term import Owner, term_library
+from model_discrepancy.fit.base_model import bic
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.parameter_scale import nonlinear
 from model_discrepancy.search.candidates import (
@@ -52,7 +53,8 @@ class Rivals:
     excess
         Whitened error of each beyond the best of them in each recording; 0 is the best.
     evidence
-        Log-likelihood of each below that of the best, over all recordings.
+        Half of the BIC of each above that of the best, over all recordings: how much less likely
+        (ln) it is.
     errors
         Whitened squared error that each leaves in each stretch of a recording, an array for each
         recording.
@@ -208,11 +210,13 @@ def rivals_together(found: Together, name: str, library: Sequence[str] | None = 
                 fits[special] = refitted
     scores = {other: np.array([fit.score for fit in each]) for other, each in fits.items()}
     best = np.min(list(scores.values()), axis=0)
-    independent = np.array([m.problem.fitter.rows.independent for m in found.members])
+    fitters = [m.problem.fitter for m in found.members]
+    criterion = {other: sum(map(bic, fitters, each)) for other, each in fits.items()}
+    least = min(criterion.values())
     return Rivals(
         fits,
         {other: (score / best - 1.0).tolist() for other, score in scores.items()},
-        {other: float(0.5 * independent @ np.log(score / best)) for other, score in scores.items()},
+        {other: 0.5 * (value - least) for other, value in criterion.items()},
         {other: [stretch_errors(fit) for fit in each] for other, each in fits.items()},
     )
 

@@ -28,6 +28,7 @@ from model_discrepancy.fit.parallel import in_background, in_parallel, side_by_s
 from model_discrepancy.fit.standard_errors import with_errors
 from model_discrepancy.problem import knows_movement_better, prepare
 from model_discrepancy.recording.channel_gains import channel_findings, trusted
+from model_discrepancy.recording.compliance import Compliance
 from model_discrepancy.recording.motion import motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import faults
@@ -103,12 +104,12 @@ def _diagnosed_together(
 ) -> Together:
     recordings = [s if isinstance(s, Recording) else Recording.from_bag(s) for s in sources]
     _require_usable(recordings)
-    members = [_member(r, known, progress) for r in recordings]
+    members = _members(recordings, known, progress)
     found, gains = _searched(members, library, progress, begin)
     fits = [m.fit if knows_movement_better(m.problem, m.fit) else None for m in members]
     if any(fits):
         progress("the movement that torque made is known better now: searching again")
-        members = [_member(r, known, progress, f) for r, f in zip(recordings, fits, strict=True)]
+        members = _members(recordings, known, progress, fits)
         found, gains = _searched(members, library, progress, begin)
     _settle(found, gains, progress)
     return found
@@ -126,17 +127,42 @@ def _require_usable(recordings: Sequence[Recording]) -> None:
             raise DiagnosisError(f"{recording.name} cannot be used: {reasons[0]}")
 
 
+def _members(
+    recordings: Sequence[Recording],
+    rig: RigFile | None,
+    progress: Progress,
+    found: Sequence[Fit | None] = (),
+) -> list[Member]:
+    """Make the recordings ready for the search, beside what was found in each before. Those that do
+    not tell how far the servo gives way have it from the one that tells it best.
+    """
+    before = found or [None] * len(recordings)
+    members = [_member(r, rig, progress, fit) for r, fit in zip(recordings, before, strict=True)]
+    told = [m.problem.told_compliance for m in members]
+    known = [compliance for compliance in told if compliance is not None]
+    if not known:
+        return members
+    best = min(known, key=lambda compliance: compliance.at_rest[1])
+    return [
+        _member(r, rig, progress, fit, best) if compliance is None else member
+        for r, fit, member, compliance in zip(recordings, before, members, told, strict=True)
+    ]
+
+
 def _member(
-    recording: Recording, rig: RigFile | None, progress: Progress, found: Fit | None = None
+    recording: Recording,
+    rig: RigFile | None,
+    progress: Progress,
+    found: Fit | None = None,
+    compliance: Compliance | None = None,
 ) -> Member:
-    """Make a recording ready for the search, beside what was found in it before."""
 
     def report_progress(line: str) -> None:
         progress(f"{recording.name}: {line}")
 
     findings = channel_findings(recording, identify_servo(recording, motion_step(recording)))
     usable = trusted(recording, findings)
-    problem = prepare(usable, joint_in_force().terms, report_progress, rig, found)
+    problem = prepare(usable, joint_in_force().terms, report_progress, rig, found, compliance)
     rows = problem.fitter.rows
     return Member(problem, Null.of(problem.noise, rows.time, rows.used), problem.base)
 
