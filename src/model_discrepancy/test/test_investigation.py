@@ -26,7 +26,7 @@ CONDITIONS = {"whitening_rate[Hz]": 200.0}
 
 
 STRETCHES = 40
-FIRST = SimpleNamespace(problem=SimpleNamespace(told_compliance=None))
+FIRST_DIAGNOSIS = SimpleNamespace(problem=SimpleNamespace(told_compliance=None))
 """A diagnosis that does not tell how far the servo gives way."""
 
 
@@ -197,7 +197,7 @@ def test_names_that_no_movement_tells_apart_are_checked_in_another_one_once(monk
     monkeypatch.setattr(investigation, "_design", lambda *_: design)
     monkeypatch.setattr(investigation, "_judge", lambda *_: "nothing excluded")
     sets = [OpenSet("a", {"a": {}, "b": {}})]
-    story = investigation.Investigation(FIRST, sets, recordings=[recording])
+    story = investigation.Investigation(FIRST_DIAGNOSIS, sets, recordings=[recording])
 
     def next_round():
         return investigation._next_round(story, lambda *_: recording, tmp_path, 3, lambda _: None)
@@ -324,7 +324,7 @@ def test_a_further_recording_is_made_where_what_adds_up_may_exclude_a_name(
     one = OpenSet("a", {"a": {}, "b": {}}, evidence={"a": 0.0, "b": 30.0})
     one.errors = {"a": [np.full(STRETCHES, 100.0)], "b": [100.0 + more]}
     assert one.apart("b", "a") == pytest.approx(2.0)
-    story = investigation.Investigation(FIRST, [one], recordings=[recording, recording])
+    story = investigation.Investigation(FIRST_DIAGNOSIS, [one], recordings=[recording, recording])
     story.rounds = [investigation.Round("", "", "sines", 20.0, "", judged=True)]
     ended = investigation._next_round(story, lambda *_: recording, tmp_path, 3, lambda _: None)
     assert (ended == "") == made

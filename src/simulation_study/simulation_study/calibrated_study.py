@@ -228,7 +228,7 @@ def signed_errors(result: dict[str, Any], name: str) -> np.ndarray:
 def _snapshots(
     result: dict[str, Any], name: str
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, float]]:
-    """Return of each snapshot how far K and G are off, the truth over its memory, the standard
+    """Return how far K and G are off in each snapshot, the truth over its memory, the standard
     errors, and the doubt.
     """
     found = result["estimates"][name]["snapshots"]
