@@ -325,7 +325,7 @@ def require_gain(
     if found.verdict["verdict"] == "unexplained" and found.error_cut < MOST_OF_ERROR:
         raise CalibrationError(
             f"{recording.name} cannot calibrate a session: it is 'unexplained', and the terms that "
-            f"were found take off {100.0 * max(found.error_cut, 0.0):.0f} % of the error that the "
+            f"were found take off {100.0 * max(found.error_cut, 0.0):.1f} % of the error that the "
             f"paper's model leaves, less than {100.0 * MOST_OF_ERROR:.0f} %, so that the estimator "
             "goes on without them; the report says what is missing"
         )

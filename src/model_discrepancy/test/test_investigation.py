@@ -18,6 +18,7 @@ from model_discrepancy.tools.candidate_movements import Candidate
 from model_discrepancy.tools.experiment_design import Proposal, RivalSet, _ranked
 from model_discrepancy.tools.investigation import Investigation, investigate
 from model_discrepancy.tools.open_set import OpenSet, remaining
+from model_discrepancy.tools.recording_judgement import judge_alone, open_sets
 from model_discrepancy.tools.shared_effects import Member, Together
 from model_discrepancy.tools.simulated_conduct import SimulatedConduct
 from simulation_study.planted_trials import simulate_trial
@@ -151,7 +152,7 @@ def test_the_next_movement_is_designed_with_what_the_last_recording_made_of_each
         for name in ("maxwell_relaxation", "short_range_stiffness")
     }
     one = OpenSet("maxwell_relaxation", dict(models))
-    investigation._judge([one], recording, None)
+    judge_alone([one], recording, None)
     assert one.models["maxwell_relaxation"]["maxwell_relaxation"]["T"] == pytest.approx(
         0.1, rel=0.3
     )
@@ -175,7 +176,7 @@ def test_only_what_the_first_recording_names_is_asked_about(named, sets):
     )
     verdict = SimpleNamespace(effects=[{"name": name} for name in named])
     first = SimpleNamespace(found=found, verdict=verdict, problem=problem)
-    asked = investigation._open_sets(first)
+    asked = open_sets(first)
     assert [one.effect for one in asked] == sets
     # Each recording has an alignment of its own.
     assert all(one.models["tendon"] == {"tendon": {}} for one in asked)
@@ -195,7 +196,7 @@ def test_names_that_no_movement_tells_apart_are_checked_in_another_one_once(monk
     hopeless = Proposal(Candidate("steps", {}), 0.001, 1.0, ("a", "b"), {}, True)
     design = investigation.Design([RivalSet({"a": {}, "b": {}}, 0.0)], [hopeless], [])
     monkeypatch.setattr(investigation, "_design", lambda *_: design)
-    monkeypatch.setattr(investigation, "_judge", lambda *_: "nothing excluded")
+    monkeypatch.setattr(investigation, "judge_alone", lambda *_: "nothing excluded")
     sets = [OpenSet("a", {"a": {}, "b": {}})]
     story = investigation.Investigation(FIRST_DIAGNOSIS, sets, recordings=[recording])
 
@@ -244,7 +245,7 @@ def test_an_error_that_no_model_is_meant_for_is_capped(monkeypatch):
     one = OpenSet("hardening_stiffness", {"hardening_stiffness": values})
     without = SimpleNamespace(score=float("inf"))
     monkeypatch.setattr(OpenSet, "fitted_without", lambda *_: without)
-    answer = investigation._judge([one], recording, None)
+    answer = judge_alone([one], recording, None)
     assert "without any of them more than 1000 %" in answer
 
 
@@ -318,7 +319,7 @@ def test_a_further_recording_is_made_where_what_adds_up_may_exclude_a_name(
     small = Proposal(Candidate("steps", {}), 0.01, expected, ("a", "b"), pairs, True)
     design = investigation.Design([RivalSet({"a": {}, "b": {}}, 0.0)], [small], [])
     monkeypatch.setattr(investigation, "_design", lambda *_: design)
-    monkeypatch.setattr(investigation, "_judge", lambda *_: "nothing excluded")
+    monkeypatch.setattr(investigation, "judge_alone", lambda *_: "nothing excluded")
     more = np.resize([0.0, 2.0], STRETCHES) - 1.0
     more += 2.0 * np.std(more, ddof=1) / np.sqrt(STRETCHES)
     one = OpenSet("a", {"a": {}, "b": {}}, evidence={"a": 0.0, "b": 30.0})

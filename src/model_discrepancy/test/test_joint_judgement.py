@@ -214,7 +214,7 @@ def story_of(monkeypatch, tmp_path):
             found=SimpleNamespace(final=fit("tendon")),
         )
         monkeypatch.setattr(investigation, "diagnose", lambda *_, **__: diagnosis)
-        monkeypatch.setattr(investigation, "_open_sets", lambda _: [open_set()])
+        monkeypatch.setattr(investigation, "open_sets", lambda _: [open_set()])
         searches = []
 
         def next_round(story, *_):

@@ -13,8 +13,8 @@ from model_discrepancy.diagnose import diagnose
 from model_discrepancy.problem import prepare
 from model_discrepancy.recording.known_rig import calibrated, held_terms, known_compliance
 from model_discrepancy.recording.recording import Recording
-from model_discrepancy.tools.investigation import _judge
 from model_discrepancy.tools.open_set import OpenSet
+from model_discrepancy.tools.recording_judgement import judge_alone
 
 RATE = 1000.0
 FOOT, PLATE, VISCOSITY, STIFFNESS = 0.014, 0.005, 0.8, 90.0
@@ -82,7 +82,7 @@ def test_names_are_judged_on_further_recordings_with_what_the_rig_file_states():
     names = ("maxwell_relaxation", "short_range_stiffness")
     terms = (*PAPER_TERMS, *held_terms(RIG))
     asked = OpenSet(names[0], {name: {key: {} for key in (*terms, name)} for name in names})
-    _judge([asked], recording(), RIG)
+    judge_alone([asked], recording(), RIG)
     for name in names:
         fitted = asked.models[name]
         assert {term: fitted[term] for term in held_terms(RIG)} == held_terms(RIG)

@@ -24,14 +24,9 @@ from ankle_physics.joint_profile import joint_in_force
 from ankle_physics.rig_file import RigFile
 from model_discrepancy.diagnose import Diagnosis, diagnose
 from model_discrepancy.errors import DiagnosisError
-from model_discrepancy.fit.base_model import bic, is_alignment, without_alignment
-from model_discrepancy.problem import prepare
-from model_discrepancy.recording.channel_gains import channel_findings, trusted
 from model_discrepancy.recording.compliance import Compliance
-from model_discrepancy.recording.motion import motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import faults
-from model_discrepancy.recording.servo import identify_servo
 from model_discrepancy.search.exchange import RIVAL_EXCESS
 from model_discrepancy.tools.candidate_movements import Candidate
 from model_discrepancy.tools.experiment_design import (
@@ -39,11 +34,11 @@ from model_discrepancy.tools.experiment_design import (
     Proposal,
     RivalSet,
     Values,
-    percent,
     rank,
 )
 from model_discrepancy.tools.joint_judgement import judge_together, settle_doubts
-from model_discrepancy.tools.open_set import LEAST_APART, OpenSet, remaining, stretch_errors
+from model_discrepancy.tools.open_set import LEAST_APART, OpenSet
+from model_discrepancy.tools.recording_judgement import judge_alone, open_sets
 from model_discrepancy.tools.shared_effects import Together
 
 # Longer than this is asked of no subject at once.
@@ -125,6 +120,12 @@ class Investigation:
     searched: int = 1
     found: Together | None = None
     rig: RigFile | None = None
+
+    @property
+    def servo(self) -> Compliance | None:
+        """Return how far the servo gives way, where the first recording tells it."""
+        assert self.first.problem is not None
+        return self.first.problem.told_compliance
 
     @property
     def names(self) -> list[str]:
@@ -232,7 +233,7 @@ def investigate(
     first = diagnose(recording, folder / FIRST_FOLDER, library=library, progress=progress, rig=rig)
     if first.verdict.verdict == "bad_recording":
         raise DiagnosisError(f"{recording.name} cannot be used: {first.verdict.reasons[0]}")
-    story = Investigation(first, _open_sets(first), recordings=[recording], rig=rig)
+    story = Investigation(first, open_sets(first), recordings=[recording], rig=rig)
     asks = True
     while asks:
         story.ended = ""
@@ -286,34 +287,6 @@ def _may_go_on(story: Investigation, rounds: int) -> bool:
     return len(story.rounds) < rounds and story.rounds[-1].duration > 0.0
 
 
-def _open_sets(first: Diagnosis) -> list[OpenSet]:
-    """Return the effects that the first recording names and for which other names would do.
-
-    What a search found and the verdict does not name, since it predicts no torque on unseen data or
-    the movement may hold it, is no effect: what stands in for noise in one movement is excluded by
-    the next one, whatever its name. Nor is an alignment of the channels within half a sample, which
-    each recording has of its own (`OpenSet.fitted`).
-    """
-    assert first.found is not None
-    assert first.problem is not None
-    final = first.found.final
-    aligned = is_alignment(first.problem.fitter, final)
-    named = {effect["name"] for effect in first.verdict.effects}
-    sets = []
-    for effect in first.found.effects:
-        if effect.trial.name in named and effect.rivals:
-            scores = {effect.trial.name: first.found.compared.score}
-            scores |= {t.name: t.fit.score for t in effect.rivals}
-            models = {effect.trial.name: final.values}
-            models |= {t.name: t.fit.values for t in effect.rivals}
-            best = min(scores.values())
-            excess = {name: [score / best - 1.0] for name, score in scores.items()}
-            if aligned:
-                models = {name: without_alignment(values) for name, values in models.items()}
-            sets.append(OpenSet(effect.trial.name, models, excess))
-    return sets
-
-
 def _next_round(
     story: Investigation, conduct: Conduct, folder: Path, rounds: int, progress: Progress
 ) -> str:
@@ -364,7 +337,7 @@ def _next_round(
         return ""
     progress(f"round {number}: judging {recording.name}")
     round_.answer = (
-        _judge(unsettled, recording, story.rig, _told_compliance(story))
+        judge_alone(unsettled, recording, story.rig, story.servo)
         if unsettled
         else "It is searched together with the other recordings."
     )
@@ -424,47 +397,3 @@ def _design(
     design = Design(sets, rank(sets, story.first.verdict.recording, progress, made), [])
     design.save(folder / f"design_{number}")
     return design
-
-
-def _told_compliance(story: Investigation) -> Compliance | None:
-    """Return how far the servo gives way, as the first recording tells it."""
-    assert story.first.problem is not None
-    return story.first.problem.told_compliance
-
-
-def _judge(
-    sets: list[OpenSet],
-    recording: Recording,
-    rig: RigFile | None,
-    compliance: Compliance | None = None,
-) -> str:
-    """Fit every name that is left to a new recording and exclude what it excludes."""
-    findings = channel_findings(recording, identify_servo(recording, motion_step(recording)))
-    usable, terms = trusted(recording, findings), joint_in_force().terms
-    problem = prepare(usable, terms, rig=rig, compliance=compliance)
-    fitter = problem.fitter
-    said = []
-    for one in sets:
-        scores, criterion = {}, {}
-        for name in one.left:
-            fit = one.fitted(fitter, name)
-            scores[name], criterion[name] = fit.score, bic(fitter, fit)
-            one.errors.setdefault(name, []).append(stretch_errors(fit))
-            # The next movement is designed with what this recording made of each name.
-            one.models[name] = fit.values
-        preferred = min(scores, key=lambda name: scores[name])
-        best = scores[preferred]
-        one.without.append(one.fitted_without(fitter, preferred).score / best - 1.0)
-        for name, score in scores.items():
-            one.excess.setdefault(name, []).append(score / best - 1.0)
-            less_likely = 0.5 * (criterion[name] - min(criterion.values()))
-            one.evidence[name] = one.evidence.get(name, 0.0) + less_likely
-        one.left = remaining(one, list(scores))
-        out = [name for name in scores if name not in one.left]
-        said.append(
-            f"{' or '.join(one.left)} is left"
-            + (f", {', '.join(out)} excluded" if out else ", nothing excluded")
-            + f" ({', '.join(f'{n} {percent(s / best - 1.0)} %' for n, s in scores.items())}"
-            f" more error than the best; without any of them {percent(one.without[-1])} %)"
-        )
-    return ("; ".join(said) + ".").replace("_", " ")
