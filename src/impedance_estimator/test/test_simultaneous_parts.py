@@ -183,7 +183,7 @@ def test_explained_motion_is_free_of_what_the_instrument_does_not_carry():
     instrument explains it is not.
     """
     random = np.random.default_rng(6)
-    count, size = 200_000, EXTRAS + 3
+    count, size = 50_000, EXTRAS + 3
     z = random.normal(size=(count, size))
     noise = random.normal(size=count)
     x = z + np.column_stack([0.5 * noise, np.zeros((count, size - 1))])

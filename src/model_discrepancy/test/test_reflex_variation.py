@@ -64,6 +64,7 @@ def test_a_reflex_that_is_turned_down_in_bouts_is_seen():
     assert "several stretches at a time" in found.unexplainable[0]
 
 
+@pytest.mark.slow
 def test_the_size_of_changes_of_the_stiffness_is_measured():
     """The stiffness is larger or smaller by 15 % at random, three times a second."""
     steady = recording(variability_of_subject="small")

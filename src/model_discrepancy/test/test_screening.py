@@ -25,6 +25,7 @@ def test_a_small_effect_is_promising(name, values, least):
     assert found.share > least
 
 
+@pytest.mark.slow
 def test_torque_that_is_two_milliseconds_early_is_promising_on_another_engine():
     """4 ms away from the right skew the torque is described no better than without any."""
     plan = Plan(

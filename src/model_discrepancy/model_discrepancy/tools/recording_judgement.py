@@ -14,6 +14,7 @@ from model_discrepancy.recording.compliance import Compliance
 from model_discrepancy.recording.motion import motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.servo import identify_servo
+from model_discrepancy.search.screening import with_term
 from model_discrepancy.tools.experiment_design import percent
 from model_discrepancy.tools.open_set import OpenSet, remaining, stretch_errors
 
@@ -82,8 +83,10 @@ def judge_alone(
             fit = one.fitted(fitter, name)
             scores[name], criterion[name] = fit.score, bic(fitter, fit)
             one.errors.setdefault(name, []).append(stretch_errors(fit))
-            # The next movement is designed with what this recording made of each name.
-            one.models[name] = fit.values
+            # The next movement is designed with what this recording made of each name, and not
+            # with the alignment of its channels.
+            terms_of_name = with_term(list(one.model(name)), name)
+            one.models[name] = {term: fit.values[term] for term in terms_of_name}
         preferred = min(scores, key=lambda name: scores[name])
         best = scores[preferred]
         one.without.append(one.fitted_without(fitter, preferred).score / best - 1.0)
