@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 from rich.console import Console
 from rich.live import Live
@@ -15,6 +16,28 @@ from ankle_bringup.processes import Processes
 
 FIRST_SAMPLES_WITHIN = 300.0
 """Wait [s] for the graph's first samples: the simulation compiles once, under load for minutes."""
+
+
+@contextmanager
+def live_table(first: Table, console: Console) -> Iterator[Live]:
+    """Show a table that is replaced while it is looked at, and whatever is printed next below it.
+
+    Parameters
+    ----------
+    first
+        What is shown at first; `Live.update` replaces it.
+    console
+        A terminal, or a file that receives the last table.
+
+    Yields
+    ------
+    Live
+        The place of the table.
+    """
+    with Live(first, console=console, refresh_per_second=4) as live:
+        yield live
+    if not console.is_terminal:
+        console.print()  # Rich leaves the last line open in a file.
 
 
 def watch(
@@ -46,7 +69,7 @@ def watch(
     """
     began = None
     asked_at = time.monotonic()
-    with Live(table(seconds), console=console, refresh_per_second=4) as live:
+    with live_table(table(seconds), console) as live:
         while not processes.ended("perturbation_generator"):
             monitor.spin(0.25)
             if began is None and monitor.streams[SAMPLES].blocks:

@@ -16,7 +16,6 @@ import rclpy
 from rclpy.client import Client
 from rclpy.node import Node
 from rich.console import Console
-from rich.live import Live
 from rich.table import Table
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -34,6 +33,7 @@ from ankle_bringup.live_monitor import (
     LiveMonitor,
     with_one_more_reader,
 )
+from ankle_bringup.live_watch import live_table
 from ankle_bringup.processes import Processes
 from ankle_bringup.recorded_estimator import REPLAY
 from ankle_interfaces.block import TIME_COLUMN
@@ -149,7 +149,7 @@ def run_graph(graph: Graph, logs: Path, seconds: float, console: Console) -> Non
         began = time.monotonic()
         try:
             first = status_table(monitor, None, rig, has_estimator)
-            with Live(first, console=console, refresh_per_second=4) as live:
+            with live_table(first, console) as live:
                 while not (seconds and time.monotonic() - began > seconds):
                     if processes.ended(ending):
                         console.print(sentence)
