@@ -20,11 +20,11 @@ from model_discrepancy.fit.generic_bank import GenericBank
 from model_discrepancy.fit.halves import interleaved
 from model_discrepancy.fit.rows import Rows
 from model_discrepancy.recording.compliance import Compliance
-from model_discrepancy.recording.known_rig import on_time
 from model_discrepancy.recording.motion import Motion, motion_of
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.servo import Servo
 from model_discrepancy.recording.spectrum import white_density
+from model_discrepancy.recording.torque_reading import TorqueReading
 
 # Compliance of the servo times the joint's impedance, where it is largest in the band that is
 # fitted: about half the share of a torque that the movement can predict because this torque moved
@@ -53,14 +53,14 @@ class LoadedServo:
         How it follows its command; None without a command.
     compliance
         How far it gives way; None where nothing tells.
-    late
-        Time by which torque is read late [s].
+    reading
+        How the sensor reads the torque.
     """
 
     recording: Recording
     servo: Servo | None
     compliance: Compliance | None
-    late: float
+    reading: TorqueReading
 
     @property
     def known(self) -> bool:
@@ -89,12 +89,12 @@ class LoadedServo:
                 unloaded = motion_of(recording, self.servo.unloaded())
             else:
                 # All torque, and no joint that would answer.
-                torque = on_time(motion.torque, motion.rate, self.late)
+                torque = self.reading.acting(motion.torque, motion.rate)
                 unloaded = undisturbed(motion, compliance, torque, Load(), noise)
             disturbance = uncaused(unloaded, measured, measured.evaluate(model.values))
         else:
             disturbance = measured.rows.torque(model.left)
-        disturbance = on_time(disturbance, motion.rate, self.late)
+        disturbance = self.reading.acting(disturbance, motion.rate)
         return undisturbed(motion, compliance, disturbance, Load.of(model), noise)
 
 

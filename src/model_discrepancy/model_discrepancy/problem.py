@@ -6,7 +6,7 @@ The result holds its movement, its noise, its rows, and the base model's fit.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.signal import coherence, welch
@@ -14,7 +14,7 @@ from scipy.signal import coherence, welch
 from ankle_physics.model import PAPER_TERMS
 from ankle_physics.rig_file import RigFile
 from ankle_physics.term import REFLEX_PLACES, term_library
-from model_discrepancy.fit.base_model import fit_base
+from model_discrepancy.fit.base_model import fit_base, is_alignment
 from model_discrepancy.fit.closed_loop import Load
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
@@ -30,11 +30,11 @@ from model_discrepancy.recording.known_rig import (
     calibrated,
     held_terms,
     known_compliance,
-    on_time,
 )
 from model_discrepancy.recording.motion import ACTIVATION_HZ, Motion, motion_of, motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.servo import Servo, identify_servo
+from model_discrepancy.recording.torque_reading import TorqueReading
 
 Progress = Callable[[str], None]
 
@@ -84,6 +84,8 @@ class Problem:
         Whitened residual without what generic regressors predict of it, shape (rows.count,).
     activation_by_emg
         Whether the muscles' activation follows from EMG; else from slow torque.
+    reading
+        How the torque sensor reads what acts on the plate, as the movement was computed.
     """
 
     recording: Recording
@@ -97,6 +99,7 @@ class Problem:
     parts: tuple[np.ndarray, np.ndarray]
     noise: np.ndarray
     activation_by_emg: bool = False
+    reading: TorqueReading = field(default_factory=TorqueReading)
 
     @property
     def gives_way(self) -> bool:
@@ -145,6 +148,7 @@ def prepare(
     rig: RigFile | None = None,
     found: Fit | None = None,
     compliance: Compliance | None = None,
+    reading: TorqueReading | None = None,
 ) -> Problem:
     """Fit the base model to a recording and learn its noise.
 
@@ -164,6 +168,8 @@ def prepare(
     compliance
         How far the servo gives way as another recording of the rig tells it, which counts where
         this one does not tell.
+    reading
+        How the torque sensor reads what acts on the plate; None: as the rig's file has it.
     """
     held: dict[str, dict[str, float]] = {}
     if rig is not None:
@@ -172,9 +178,9 @@ def prepare(
         turning = [library[name].turned_by for name in held if library[name].turned_by]
         terms = [*terms, *(name for name in (*held, *turning) if name not in terms)]
     progress("finding how the servo follows its command")
-    # Torque moves the plate when it acts, not when it is read.
-    late = rig.torque_delay.value if rig is not None else 0.0
-    acting = replace(recording, torque=on_time(recording.torque, recording.rate, late))
+    # Torque moves the plate when it acts, and as it acts, not as it is read.
+    reading = reading or TorqueReading.of(held)
+    acting = replace(recording, torque=reading.acting(recording.torque, recording.rate))
     servo = identify_servo(acting, motion_step(recording))
     motion = motion_of(recording, servo)
     fitter = Fitter.of(motion, coherent_limit(motion), held)
@@ -193,8 +199,8 @@ def prepare(
         else replace(motion, activation=by_emg, preceding=by_emg)
     )
     given = compliance if compliance is not None and compliance.rate == motion.rate else None
-    compliance = _compliance(fitter, found or base, servo, rig, late, given)
-    loop = LoadedServo(recording, servo, compliance, late)
+    compliance = _compliance(fitter, found or base, servo, rig, reading, given)
+    loop = LoadedServo(recording, servo, compliance, reading)
     fitter, base = fitted_in_loop(loop, fitter.along(motion), terms, base, found)
     bank, parts = GenericBank(fitter.columns), interleaved(fitter.rows)
     if by_emg is None:
@@ -214,6 +220,7 @@ def prepare(
         parts,
         noise,
         by_emg is not None,
+        reading,
     )
 
 
@@ -222,18 +229,18 @@ def _compliance(
     known: Fit,
     servo: Servo | None,
     rig: RigFile | None,
-    late: float,
+    reading: TorqueReading,
     given: Compliance | None,
 ) -> Compliance | None:
     """Return how far the servo gives way: from the command; else from the holds, where these tell
     it at each frequency; else as another recording or the rig's file has it, or as the holds tell
-    it roughly. The torque is read late by so much [s].
+    it roughly.
     """
     if servo is not None:
         return servo.compliance
     motion = fitter.motion
     load, instrument = (
-        on_time(torque, motion.rate, late)
+        reading.acting(torque, motion.rate)
         for torque in (motion.torque, not_intrinsic(fitter, known))
     )
     held = held_compliance(motion.position, motion.velocity, load, instrument, motion.rate)
@@ -288,6 +295,29 @@ def with_better_course(problem: Problem, final: Fit) -> Problem | None:
     fitter = problem.fitter.along(motion)
     bank = None if problem.activation_by_emg else _bank_over_torque(fitter)
     return replace(problem, fitter=fitter, bank_over_torque=bank)
+
+
+def knows_reading_better(problem: Problem, final: Fit) -> TorqueReading | None:
+    """Return how the torque sensor reads what acts on the plate, as a found model tells; None where
+    it says nothing new, or where torque does not move the plate in a way that is known.
+
+    A vibration of the sensor, taken for torque that moved the plate, gives it a movement that it
+    never made: a mode at 62 Hz was found as one at 60 Hz of a sensor that carries 76 % of the load,
+    beside a skew.
+
+    Parameters
+    ----------
+    problem
+        The present one.
+    final
+        The model that was found.
+    """
+    if problem.told_compliance is None or not problem.gives_way:
+        return None
+    told = TorqueReading.of(final.values)
+    if is_alignment(problem.fitter, final):
+        told = replace(told, late=problem.reading.late)
+    return None if told == problem.reading else told
 
 
 def knows_movement_better(problem: Problem, final: Fit) -> bool:

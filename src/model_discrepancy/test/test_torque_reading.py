@@ -1,0 +1,79 @@
+"""The torque that moves a servo which gives way is the one that acts, not the one that is read."""
+
+import numpy as np
+import pytest
+
+from ankle_physics.model import Model
+from ankle_physics.virtual_rig import simulate
+from model_discrepancy.diagnose import diagnose
+from model_discrepancy.problem import knows_reading_better, prepare
+from model_discrepancy.recording.recording import Recording
+from model_discrepancy.recording.spectrum import band
+from model_discrepancy.recording.torque_reading import TorqueReading
+from perturbation_generator.pulse_step import PulseStep
+from perturbation_generator.settings import Settings
+
+RATE = 1024.0
+MODE = {"frequency": 62.0, "damping": 0.1}
+CORE = {"inertia": {"I": 0.0137}, "viscosity": {}, "stiffness": {"K": 100.0}, "reflex": {"G": 8.0}}
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"torque_sensor_mode": MODE},
+        {"torque_sensor_lag": {"T": 0.003}},
+        {"partial_sensor_mode": {**MODE, "share": 0.6}, "channel_skew": {"skew": 0.004}},
+    ],
+)
+def test_what_the_sensor_does_is_undone(values):
+    acted = band(np.random.default_rng(1).normal(size=20_000), RATE, 1.0, 50.0)
+    frequency = np.fft.rfftfreq(len(acted), 1.0 / RATE)
+    reading = TorqueReading.of({"inertia": {"I": 0.01}, **values})
+    gain = np.exp(-2j * np.pi * frequency * reading.late)
+    for entry in Model.of(values).entries:
+        if entry.term.name != "channel_skew":
+            gain = gain * entry.term.response(frequency, values[entry.term.name])
+    read = np.fft.irfft(gain * np.fft.rfft(acted), len(acted))
+    inside = slice(2000, -2000)
+    error = (reading.acting(read, RATE) - acted)[inside]
+    assert np.std(error) < 0.08 * np.std(acted)
+    assert np.std((read - acted)[inside]) > 0.2 * np.std(acted)
+
+
+def test_without_a_sensor_torque_acts_as_it_is_read():
+    torque = np.random.default_rng(2).normal(size=1000)
+    assert TorqueReading().acting(torque, RATE) is torque
+
+
+@pytest.fixture(scope="module")
+def ringing():
+    """A sensor that rings, on a servo of 1500 N.m/rad."""
+    reference = PulseStep(Settings(rate=RATE)).next(round(40.0 * RATE))
+    hidden = {"torque_sensor_mode": MODE, "servo_compliance": {"k_a": 1500.0}}
+    model = Model.of({**CORE, **hidden, "voluntary_torque": {}})
+    made = simulate(reference, RATE, model, seed=1)
+    return Recording(
+        RATE, made.position, made.torque, made.velocity, reference[:, 0], name="ringing"
+    )
+
+
+def test_a_mode_of_the_sensor_moves_no_plate(ringing):
+    left = []
+    for reading in (None, TorqueReading(sensor={"torque_sensor_mode": MODE})):
+        problem = prepare(ringing, reading=reading)
+        terms = [*problem.base.terms, "torque_sensor_mode"]
+        fit = problem.fitter.fit(terms, {**problem.base.values, "torque_sensor_mode": MODE})
+        left.append(problem.predicted(fit))
+        assert knows_reading_better(problem, fit).sensor.keys() == {"torque_sensor_mode"}
+    assert knows_reading_better(prepare(ringing), problem.base) is None
+    assert left[0] > left[1] + 0.03
+
+
+def test_a_mode_of_the_sensor_on_a_servo_that_gives_way_is_named(ringing):
+    library = ["torque_sensor_mode", "partial_sensor_mode", "channel_skew"]
+    found = diagnose(ringing, library=library)
+    assert [effect["name"] for effect in found.verdict.effects] == ["torque_sensor_mode"]
+    values = found.found.final.values["torque_sensor_mode"]
+    assert values["frequency"] == pytest.approx(MODE["frequency"], rel=0.01)
+    assert found.problem.reading.sensor
