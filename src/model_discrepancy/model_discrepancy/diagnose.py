@@ -16,8 +16,8 @@ from model_discrepancy.criticism.criticism import Criticism, criticise
 from model_discrepancy.fit.parallel import in_background, side_by_side
 from model_discrepancy.problem import (
     Problem,
+    better_reading,
     knows_movement_better,
-    knows_reading_better,
     prepare,
     with_better_course,
 )
@@ -34,12 +34,10 @@ from model_discrepancy.search.term_search import choose_anew, complete, search
 # few terms have a wrong shape, and none is chosen anew: of what a search for nine terms of our own
 # equations left, they predicted 6 %, of what those in human trials left 9 to 35 %.
 LEAST_MISSHAPEN = 0.07
-
-
+# Of the whitened residual, that generic regressors may predict by chance in one of two movements
+# and not in the other. Where more is predictable once the torque sensor is undone, what was found
+# of it stands for something else.
 READING_MARGIN = 0.01
-"""Of the whitened residual, that generic regressors may predict by chance in one of two movements
-and not in the other. Where more is predictable once the torque sensor is undone, what was found of
-it stands for something else."""
 
 
 @dataclass
@@ -173,7 +171,7 @@ def _diagnose(
         progress("the movement that torque made is known better now: searching again")
         problem = prepare(reading.trusted, terms, progress, rig, found.final)
         found, null = _searched(problem, library, progress, found)
-    told = knows_reading_better(problem, found.final) if found.effects else None
+    told = better_reading(problem, found.final) if found.effects else None
     if told is not None:
         progress("what the torque sensor does is known better now: searching again")
         other = prepare(reading.trusted, terms, progress, rig, reading=told)

@@ -297,13 +297,13 @@ def with_better_course(problem: Problem, final: Fit) -> Problem | None:
     return replace(problem, fitter=fitter, bank_over_torque=bank)
 
 
-def knows_reading_better(problem: Problem, final: Fit) -> TorqueReading | None:
+def better_reading(problem: Problem, final: Fit) -> TorqueReading | None:
     """Return how the torque sensor reads what acts on the plate, as a found model tells; None where
     it says nothing new, or where torque does not move the plate in a way that is known.
 
     A vibration of the sensor, taken for torque that moved the plate, gives it a movement that it
-    never made: a mode at 62 Hz was found as one at 60 Hz of a sensor that carries 76 % of the load,
-    beside a skew.
+    never made: a mode at 62 Hz was found as one at 60 Hz of a sensor that carries three quarters of
+    the load, beside a skew.
 
     Parameters
     ----------

@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 
 from ankle_physics.model import Model
+from ankle_physics.term import term_library
 from ankle_physics.virtual_rig import simulate
 from model_discrepancy.diagnose import diagnose
-from model_discrepancy.problem import knows_reading_better, prepare
+from model_discrepancy.errors import DiagnosisError
+from model_discrepancy.problem import better_reading, prepare
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.spectrum import band
-from model_discrepancy.recording.torque_reading import TorqueReading
+from model_discrepancy.recording.torque_reading import TorqueReading, sensor_response
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
 
@@ -46,6 +48,13 @@ def test_without_a_sensor_torque_acts_as_it_is_read():
     assert TorqueReading().acting(torque, RATE) is torque
 
 
+def test_a_sensor_that_states_no_response_is_refused_by_name():
+    term = term_library()["torque_sensor_lag"]()
+    term.response = lambda *_: None
+    with pytest.raises(DiagnosisError, match=r"torque_sensor_lag .* states no frequency response"):
+        sensor_response(term, np.zeros(1), {"T": 0.003})
+
+
 @pytest.fixture(scope="module")
 def ringing():
     """A sensor that rings, on a servo of 1500 N.m/rad."""
@@ -65,8 +74,8 @@ def test_a_mode_of_the_sensor_moves_no_plate(ringing):
         terms = [*problem.base.terms, "torque_sensor_mode"]
         fit = problem.fitter.fit(terms, {**problem.base.values, "torque_sensor_mode": MODE})
         left.append(problem.predicted(fit))
-        assert knows_reading_better(problem, fit).sensor.keys() == {"torque_sensor_mode"}
-    assert knows_reading_better(prepare(ringing), problem.base) is None
+        assert better_reading(problem, fit).sensor.keys() == {"torque_sensor_mode"}
+    assert better_reading(prepare(ringing), problem.base) is None
     assert left[0] > left[1] + 0.03
 
 

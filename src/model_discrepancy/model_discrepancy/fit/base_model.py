@@ -69,7 +69,13 @@ def align(fitter: Fitter, fit: Fit) -> Fit:
 
 
 def without_alignment(values: Start) -> dict[str, dict[str, float]]:
-    """Return values by term and symbol without those of the channels' alignment."""
+    """Return a model's values without those of the channels' alignment.
+
+    Parameters
+    ----------
+    values
+        By term and symbol.
+    """
     return {term: dict(given) for term, given in values.items() if term != ALIGNMENT}
 
 
@@ -122,6 +128,13 @@ def reflex_stands_in(fitter: Fitter, fit: Fit) -> bool:
 def bic(fitter: Fitter, fit: Fit) -> float:
     """Return the Bayesian information criterion of a fit, up to what all fits of a recording share
     (Schwarz 1978, Ann. Statist. 6, 461).
+
+    Parameters
+    ----------
+    fitter
+        Of the recording.
+    fit
+        Whitened by it.
     """
     n = fitter.rows.independent
     return n * float(np.log(fit.score)) + fit.size * float(np.log(n))

@@ -23,7 +23,6 @@ from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.joint_profile import joint_in_force
 from ankle_physics.operating_parameters import SPAN
 from ankle_physics.term import Place, term_library
-from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.coupled_foot import (
     MOST_ROUNDS,
     Foot,
@@ -42,6 +41,7 @@ from model_discrepancy.fit.signal_path import (
     foot_impedance,
 )
 from model_discrepancy.recording.motion import Motion
+from model_discrepancy.recording.torque_reading import sensor_response
 
 
 class Columns:
@@ -327,12 +327,7 @@ class Columns:
         term = stage.term
 
         def made() -> np.ndarray:
-            response = term.response(self.rows.frequency, values[term.name])
-            if response is None:
-                raise DiagnosisError(
-                    f"{term.name} acts at the torque sensor and states no frequency response"
-                )
-            return response
+            return sensor_response(term, self.rows.frequency, values[term.name])
 
         response: np.ndarray = self._known["response"].of(stage.key(values), made)
         return response

@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ankle_physics.term import Place, term_library
+from ankle_physics.term import Place, Term, term_library
+from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.recording.known_rig import SKEW, on_time
 from model_discrepancy.recording.spectrum import Spectrum, low_pass
 
@@ -19,6 +20,31 @@ from model_discrepancy.recording.spectrum import Spectrum, low_pass
 _UNDONE_HZ, _UNDONE_ORDER = 100.0, 8
 # Of the sensor's gain: where it hardly lets anything pass, undoing would magnify noise.
 _LEAST_GAIN = 0.1
+
+
+def sensor_response(term: Term, frequency: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
+    """Return the frequency response of a term at the torque sensor, complex [1], shape (n,).
+
+    Parameters
+    ----------
+    term
+        Acts at the torque sensor.
+    frequency
+        Where to evaluate it [Hz], shape (n,).
+    values
+        Of its parameters, by symbol.
+
+    Raises
+    ------
+    DiagnosisError
+        It states none.
+    """
+    response = term.response(frequency, values)
+    if response is None:
+        raise DiagnosisError(
+            f"{term.name} acts at the torque sensor and states no frequency response"
+        )
+    return np.asarray(response)
 
 
 @dataclass(frozen=True)
@@ -38,7 +64,13 @@ class TorqueReading:
 
     @classmethod
     def of(cls, values: Mapping[str, Mapping[str, float]]) -> TorqueReading:
-        """Return the reading that a model's values, by term and symbol, describe."""
+        """Return the reading that a model describes.
+
+        Parameters
+        ----------
+        values
+            Of all its terms, by term and symbol.
+        """
         library = term_library()
         sensor = {
             name: dict(given)
@@ -56,6 +88,11 @@ class TorqueReading:
             As it was read, or a part of it [N.m], shape (n,).
         rate
             Of its samples [Hz].
+
+        Raises
+        ------
+        DiagnosisError
+            A term at the sensor states no frequency response.
         """
         torque = on_time(torque, rate, self.late)
         if not self.sensor:
@@ -63,8 +100,6 @@ class TorqueReading:
         spectrum = Spectrum(torque, rate, 1)
         gain = np.ones(len(spectrum.frequency), dtype=complex)
         for name, values in self.sensor.items():
-            response = term_library()[name]().response(spectrum.frequency, values)
-            assert response is not None
-            gain = gain * response
-        undone = np.conj(gain) / (np.abs(gain) ** 2 + _LEAST_GAIN**2 * (np.abs(gain) < _LEAST_GAIN))
+            gain = gain * sensor_response(term_library()[name](), spectrum.frequency, values)
+        undone = np.conj(gain) / np.maximum(np.abs(gain), _LEAST_GAIN) ** 2
         return spectrum.read(undone * low_pass(spectrum.frequency, _UNDONE_HZ, _UNDONE_ORDER))
