@@ -317,7 +317,9 @@ def better_reading(problem: Problem, final: Fit) -> TorqueReading | None:
     told = TorqueReading.of(final.values)
     if is_alignment(problem.fitter, final):
         told = replace(told, late=problem.reading.late)
-    return None if told == problem.reading else told
+    before = problem.reading
+    earlier = abs(told.late - before.late) < 0.5 * problem.fitter.columns.motion.sample_time
+    return None if earlier and told.sensor.keys() == before.sensor.keys() else told
 
 
 def knows_movement_better(problem: Problem, final: Fit) -> bool:

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from model_discrepancy.recording.torque_reading import TorqueReading
 from model_discrepancy.tools import investigation, joint_judgement
 from model_discrepancy.tools.candidate_movements import Candidate
 from model_discrepancy.tools.experiment_design import Design, Proposal, RivalSet
@@ -212,6 +213,7 @@ def story_of(monkeypatch, tmp_path):
         diagnosis = SimpleNamespace(
             verdict=SimpleNamespace(verdict="explained", effects=effects, parameters={}),
             found=SimpleNamespace(final=fit("tendon")),
+            problem=SimpleNamespace(reading=TorqueReading()),
         )
         monkeypatch.setattr(investigation, "diagnose", lambda *_, **__: diagnosis)
         monkeypatch.setattr(investigation, "open_sets", lambda _: [open_set()])

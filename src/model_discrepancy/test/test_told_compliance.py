@@ -67,7 +67,7 @@ def test_the_recordings_that_do_not_tell_have_it_from_the_one_that_tells_best(
 ):
     made = []
 
-    def member(number, rig, progress, found, compliance=None):
+    def member(number, rig, progress, found, reading, compliance=None):
         made.append(compliance)
         return SimpleNamespace(problem=SimpleNamespace(told_compliance=told[number]))
 

@@ -1,5 +1,7 @@
 """The torque that moves a servo which gives way is the one that acts, not the one that is read."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,11 +14,15 @@ from model_discrepancy.problem import better_reading, prepare
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.spectrum import band
 from model_discrepancy.recording.torque_reading import TorqueReading, sensor_response
+from model_discrepancy.tools.open_set import OpenSet
+from model_discrepancy.tools.recording_judgement import judge_alone
+from model_discrepancy.tools.several_recordings import diagnose_together
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
 
 RATE = 1024.0
 MODE = {"frequency": 62.0, "damping": 0.1}
+SEARCHED_AGAIN = "what the torque sensor does is known better now: searching again"
 CORE = {"inertia": {"I": 0.0137}, "viscosity": {}, "stiffness": {"K": 100.0}, "reflex": {"G": 8.0}}
 
 
@@ -74,7 +80,9 @@ def test_a_mode_of_the_sensor_moves_no_plate(ringing):
         terms = [*problem.base.terms, "torque_sensor_mode"]
         fit = problem.fitter.fit(terms, {**problem.base.values, "torque_sensor_mode": MODE})
         left.append(problem.predicted(fit))
-        assert better_reading(problem, fit).sensor.keys() == {"torque_sensor_mode"}
+        told = better_reading(problem, fit)
+        assert (told is None) == bool(problem.reading.sensor)
+        assert told is None or told.sensor.keys() == {"torque_sensor_mode"}
     assert better_reading(prepare(ringing), problem.base) is None
     assert left[0] > left[1] + 0.03
 
@@ -86,3 +94,29 @@ def test_a_mode_of_the_sensor_on_a_servo_that_gives_way_is_named(ringing):
     values = found.found.final.values["torque_sensor_mode"]
     assert values["frequency"] == pytest.approx(MODE["frequency"], rel=0.01)
     assert found.problem.reading.sensor
+
+
+def test_several_recordings_know_what_the_sensor_does_once_it_is_found(ringing, monkeypatch):
+    """What one of them tells serves the next one, too, and is not asked again."""
+    visits = [ringing, replace(ringing, name="again")]
+    library = ["torque_sensor_mode", "partial_sensor_mode", "channel_skew"]
+    said = []
+    found = diagnose_together(visits, library, said.append)
+    assert [effect.name for effect in found.named] == ["torque_sensor_mode"]
+    assert all(member.problem.reading.sensor for member in found.members)
+    assert SEARCHED_AGAIN in said
+    said.clear()
+    known = found.members[0].problem.reading
+    assert diagnose_together(visits, library, said.append, reading=known).members
+    assert SEARCHED_AGAIN not in said
+
+
+def test_a_further_recording_is_judged_with_the_sensor_of_the_first(ringing):
+    known = prepare(ringing, reading=TorqueReading(sensor={"torque_sensor_mode": MODE}))
+    model = {**known.base.values, "torque_sensor_mode": MODE}
+    left = []
+    for first in (None, known):
+        one = OpenSet("torque_sensor_mode", {"torque_sensor_mode": model})
+        judge_alone([one], ringing, None, first)
+        left.append(one.errors["torque_sensor_mode"][0].mean())
+    assert left[1] < 0.98 * left[0]

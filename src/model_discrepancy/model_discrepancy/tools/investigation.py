@@ -24,7 +24,6 @@ from ankle_physics.joint_profile import joint_in_force
 from ankle_physics.rig_file import RigFile
 from model_discrepancy.diagnose import Diagnosis, diagnose
 from model_discrepancy.errors import DiagnosisError
-from model_discrepancy.recording.compliance import Compliance
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import faults
 from model_discrepancy.search.exchange import RIVAL_EXCESS
@@ -120,12 +119,6 @@ class Investigation:
     searched: int = 1
     found: Together | None = None
     rig: RigFile | None = None
-
-    @property
-    def servo(self) -> Compliance | None:
-        """Return how far the servo gives way, where the first recording tells it."""
-        assert self.first.problem is not None
-        return self.first.problem.told_compliance
 
     @property
     def names(self) -> list[str]:
@@ -273,8 +266,10 @@ def _search_together(
         return False
     progress("all recordings together")
     story.searched = len(story.recordings)
+    assert story.first.problem is not None
+    reading = story.first.problem.reading
     judged = judge_together(
-        story.sets, story.recordings, library, progress, story.beside, story.rig
+        story.sets, story.recordings, library, progress, story.beside, story.rig, reading
     )
     story.together, story.found = judged.sentence, judged.found
     withdrawn = any(one.withdrawn for one in story.sets)
@@ -337,7 +332,7 @@ def _next_round(
         return ""
     progress(f"round {number}: judging {recording.name}")
     round_.answer = (
-        judge_alone(unsettled, recording, story.rig, story.servo)
+        judge_alone(unsettled, recording, story.rig, story.first.problem)
         if unsettled
         else "It is searched together with the other recordings."
     )

@@ -29,6 +29,7 @@ from model_discrepancy.fit.base_model import bic_change
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.parallel import side_by_side
 from model_discrepancy.recording.recording import Recording
+from model_discrepancy.recording.torque_reading import TorqueReading
 from model_discrepancy.search.found import REFINEMENT, Progress
 from model_discrepancy.tools.experiment_design import Values
 from model_discrepancy.tools.joint_candidates import rivals_together
@@ -73,6 +74,7 @@ def judge_together(
     progress: Progress = lambda _: None,
     beside: Values | None = None,
     rig: RigFile | None = None,
+    reading: TorqueReading | None = None,
 ) -> Judgement:
     """Search all recordings together, and replace, question or withdraw what is left of the sets
     that this contradicts.
@@ -91,6 +93,8 @@ def judge_together(
         Values by term and symbol of other effects, which the sets do not ask about.
     rig
         The calibrated rig of all recordings, which is taken as known.
+    reading
+        How the torque sensor reads what acts on the plate, as the first recording tells it.
 
     Raises
     ------
@@ -104,7 +108,7 @@ def judge_together(
     for one in asked:
         likeliest = one.upheld[0]
         begin[likeliest] = one.model(likeliest).get(likeliest, {})
-    found = diagnose_together(named, library, progress, rig=rig, begin=begin)
+    found = diagnose_together(named, library, progress, rig=rig, begin=begin, reading=reading)
     shares = {effect.name: effect.share for effect in found.effects}
     known = set(beside or {}) | {name for one in asked for name in one.upheld}
     # What is named beside a set, or in another one, is no new name for it.

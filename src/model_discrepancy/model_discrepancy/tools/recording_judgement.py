@@ -8,9 +8,8 @@ from ankle_physics.joint_profile import joint_in_force
 from ankle_physics.rig_file import RigFile
 from model_discrepancy.diagnose import Diagnosis
 from model_discrepancy.fit.base_model import bic, is_alignment, without_alignment
-from model_discrepancy.problem import prepare
+from model_discrepancy.problem import Problem, prepare
 from model_discrepancy.recording.channel_gains import channel_findings, trusted
-from model_discrepancy.recording.compliance import Compliance
 from model_discrepancy.recording.motion import motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.servo import identify_servo
@@ -56,7 +55,7 @@ def judge_alone(
     sets: list[OpenSet],
     recording: Recording,
     rig: RigFile | None,
-    compliance: Compliance | None = None,
+    known: Problem | None = None,
 ) -> str:
     """Fit every name that is left to a new recording, exclude what all recordings so far exclude,
     and return what was found, in one sentence.
@@ -69,12 +68,14 @@ def judge_alone(
         The new one.
     rig
         A calibrated one; None: nothing is known of the rig.
-    compliance
-        How far the servo gives way, as another recording tells it.
+    known
+        Another recording of the rig, which may tell how far the servo gives way and what the torque
+        sensor does.
     """
     findings = channel_findings(recording, identify_servo(recording, motion_step(recording)))
     usable, terms = trusted(recording, findings), joint_in_force().terms
-    problem = prepare(usable, terms, rig=rig, compliance=compliance)
+    compliance, reading = (known.told_compliance, known.reading) if known else (None, None)
+    problem = prepare(usable, terms, rig=rig, compliance=compliance, reading=reading)
     fitter = problem.fitter
     said = []
     for one in sets:

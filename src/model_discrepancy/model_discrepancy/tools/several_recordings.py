@@ -20,19 +20,21 @@ from ankle_physics.joint_profile import JointProfile, joint_in_force
 from ankle_physics.rig_file import RigFile
 from ankle_physics.term import term_library
 from model_discrepancy.criticism.remainder import remainder
+from model_discrepancy.diagnose import READING_MARGIN
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.base_model import bic_change
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.held_out import held_out
 from model_discrepancy.fit.parallel import in_background, in_parallel, side_by_side
 from model_discrepancy.fit.standard_errors import with_errors
-from model_discrepancy.problem import knows_movement_better, prepare
+from model_discrepancy.problem import better_reading, knows_movement_better, prepare
 from model_discrepancy.recording.channel_gains import channel_findings, trusted
 from model_discrepancy.recording.compliance import Compliance
 from model_discrepancy.recording.motion import motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import faults
 from model_discrepancy.recording.servo import identify_servo
+from model_discrepancy.recording.torque_reading import TorqueReading
 from model_discrepancy.search.found import Progress
 from model_discrepancy.search.hypotheses import MOST_TERMS
 from model_discrepancy.search.null import Null
@@ -61,6 +63,7 @@ def diagnose_together(
     joint: JointProfile | None = None,
     rig: RigFile | str | Path | None = None,
     begin: Values | None = None,
+    reading: TorqueReading | None = None,
 ) -> Together:
     """Diagnose several recordings of one rig together.
 
@@ -80,6 +83,9 @@ def diagnose_together(
         Terms, with values by symbol, from which a second search begins; of both, the models that
         make all recordings likelier, by BIC, are kept. One search takes what is best first, which
         in several movements may be a stand-in that one of them excludes.
+    reading
+        How the torque sensor reads what acts on the plate, as one of the recordings told before;
+        None: as the rig's file has it.
 
     Raises
     ------
@@ -91,7 +97,7 @@ def diagnose_together(
     known = RigFile.load(rig) if isinstance(rig, str | Path) else rig
     with (joint or joint_in_force()).in_force(), side_by_side():
         return in_background(
-            lambda: _diagnosed_together(sources, library, progress, known, begin or {})
+            lambda: _diagnosed_together(sources, library, progress, known, begin or {}, reading)
         )
 
 
@@ -101,18 +107,39 @@ def _diagnosed_together(
     progress: Progress,
     known: RigFile | None,
     begin: Values,
+    reading: TorqueReading | None,
 ) -> Together:
     recordings = [s if isinstance(s, Recording) else Recording.from_bag(s) for s in sources]
     _require_usable(recordings)
-    members = _members(recordings, known, progress)
+    readings = [reading] * len(recordings)
+    members = _members(recordings, known, progress, readings=readings)
     found, gains = _searched(members, library, progress, begin)
     fits = [m.fit if knows_movement_better(m.problem, m.fit) else None for m in members]
     if any(fits):
         progress("the movement that torque made is known better now: searching again")
-        members = _members(recordings, known, progress, fits)
+        members = _members(recordings, known, progress, fits, readings)
         found, gains = _searched(members, library, progress, begin)
+    # A search of all recordings takes minutes, too long for what refines a reading that is known.
+    told = [
+        better_reading(m.problem, m.fit) if gains and not m.problem.reading.sensor else None
+        for m in found.members
+    ]
+    if any(told):
+        progress("what the torque sensor does is known better now: searching again")
+        readings = [new or m.problem.reading for new, m in zip(told, found.members, strict=True)]
+        members = _members(recordings, known, progress, fits, readings)
+        again, its_gains = _searched(members, library, progress, begin)
+        if _predicted(again) < _predicted(found) + READING_MARGIN:
+            found, gains = again, its_gains
     _settle(found, gains, progress)
     return found
+
+
+def _predicted(found: Together) -> float:
+    """Return the share of the whitened residuals that generic regressors predict on unseen rows,
+    the mean of all recordings.
+    """
+    return float(np.mean([max(m.problem.predicted(m.fit), 0.0) for m in found.members]))
 
 
 def _require_usable(recordings: Sequence[Recording]) -> None:
@@ -132,20 +159,22 @@ def _members(
     rig: RigFile | None,
     progress: Progress,
     found: Sequence[Fit | None] = (),
+    readings: Sequence[TorqueReading | None] = (),
 ) -> list[Member]:
     """Make the recordings ready for the search, beside what was found in each before. Those that do
     not tell how far the servo gives way have it from the one that tells it best.
     """
-    before = found or [None] * len(recordings)
-    members = [_member(r, rig, progress, fit) for r, fit in zip(recordings, before, strict=True)]
+    count = len(recordings)
+    each = list(zip(recordings, found or [None] * count, readings or [None] * count, strict=True))
+    members = [_member(r, rig, progress, fit, reading) for r, fit, reading in each]
     told = [m.problem.told_compliance for m in members]
     known = [compliance for compliance in told if compliance is not None]
     if not known:
         return members
     best = min(known, key=lambda compliance: compliance.at_rest[1])
     return [
-        _member(r, rig, progress, fit, best) if compliance is None else member
-        for r, fit, member, compliance in zip(recordings, before, members, told, strict=True)
+        _member(r, rig, progress, fit, reading, best) if compliance is None else member
+        for (r, fit, reading), member, compliance in zip(each, members, told, strict=True)
     ]
 
 
@@ -153,7 +182,8 @@ def _member(
     recording: Recording,
     rig: RigFile | None,
     progress: Progress,
-    found: Fit | None = None,
+    found: Fit | None,
+    reading: TorqueReading | None,
     compliance: Compliance | None = None,
 ) -> Member:
 
@@ -161,8 +191,8 @@ def _member(
         progress(f"{recording.name}: {line}")
 
     findings = channel_findings(recording, identify_servo(recording, motion_step(recording)))
-    usable = trusted(recording, findings)
-    problem = prepare(usable, joint_in_force().terms, report_progress, rig, found, compliance)
+    usable, terms = trusted(recording, findings), joint_in_force().terms
+    problem = prepare(usable, terms, report_progress, rig, found, compliance, reading)
     rows = problem.fitter.rows
     return Member(problem, Null.of(problem.noise, rows.time, rows.used), problem.base)
 
