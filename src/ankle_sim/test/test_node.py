@@ -18,6 +18,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from ankle_interfaces.block import Block, pack, unpack
+from ankle_node.acknowledgement import Greetings
 from ankle_node.node import BLOCK_QOS
 from ankle_physics.model import Model
 from ankle_physics.virtual_rig import simulate
@@ -130,10 +131,15 @@ def bench(request):
 
     def start(*parameters):
         benches.append(Bench(*parameters))
-        benches[-1].until(
-            lambda: benches[-1].reference.get_subscription_count() > 0, "the node subscribes"
+        bench = benches[-1]
+        # The node may find the publisher later than it is found, and gets nothing until then.
+        greetings = Greetings(bench.node, "/perturbation/reference")
+        bench.until(
+            lambda: bench.reference.get_subscription_count() > 0 and not greetings.missing,
+            "the node subscribes",
         )
-        return benches[-1]
+        greetings.close()
+        return bench
 
     yield start
     for one in benches:

@@ -12,7 +12,7 @@ from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import Float64MultiArray, String
 
 from ankle_interfaces.block import Block, pack, unpack
-from ankle_node.acknowledgement import ACKNOWLEDGEMENT_SUFFIX
+from ankle_node.acknowledgement import ACKNOWLEDGEMENT_SUFFIX, GREETING
 from ankle_node.qos import BLOCK_QOS, LATEST_QOS, PUBLISHED_BLOCKS_QOS
 from emg_driver.muscles import RESPONSE_TOPIC, SAMPLE_COLUMNS, SAMPLES_TOPIC
 from perturbation_generator.pulse_step import PulseStep
@@ -59,7 +59,8 @@ class Laboratory:
             if plate
             else None
         )
-        self.processed = {"/perturbation/reference": 0, emg_topic: 0}
+        # Before a reader has found a topic's publisher it gets nothing that is sent on it.
+        self.processed = dict.fromkeys(("/perturbation/reference", emg_topic), -1)
         for topic in self.processed:
             self.node.create_subscription(
                 String,
@@ -117,6 +118,10 @@ class Laboratory:
             assert time.monotonic() < deadline, (
                 f"not reached: {what}; /diagnostics: {self.health[-3:]}"
             )
+
+    def until_read(self):
+        """Wait until the one reader of reference and EMG has found their publishers."""
+        self.until(lambda: min(self.processed.values()) >= GREETING, "readers")
 
     def until_processed(self):
         """Wait until the one reader of reference and EMG has processed all that was sent.

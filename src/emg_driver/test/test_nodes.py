@@ -35,13 +35,7 @@ def test_the_processor_answers_every_onset_as_the_class_does(lab):
     try:
         laboratory.start("emg_processor", "-p", "wait_for_readers:=1")
         laboratory.listen(RESPONSE_TOPIC)
-        laboratory.until(
-            lambda: (
-                laboratory.emg.get_subscription_count()
-                and laboratory.reference.get_subscription_count()
-            ),
-            "readers",
-        )
+        laboratory.until_read()
         begin, same, expected = time.time(), EmgProcessor(), []
         for k in range(round(6.0 * RATE / SIZE)):
             laboratory.publish(begin + k * SIZE / RATE)

@@ -17,6 +17,7 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import Float64MultiArray
 
 from ankle_interfaces.block import Block, pack, unpack
+from ankle_node.acknowledgement import Greetings
 from ankle_node.node import BLOCK_QOS
 from ankle_physics.model import Model
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, REFLEX_COLUMNS
@@ -66,7 +67,10 @@ class Laboratory:
             lambda m: self.health.extend(s.message for s in m.status),
             10,
         )
-        self.until(lambda: self.publisher.get_subscription_count() == 1)
+        # The node may find the publisher later than it is found, and gets nothing until then.
+        greetings = Greetings(self.node, "/ankle/samples")
+        self.until(lambda: self.publisher.get_subscription_count() == 1 and not greetings.missing)
+        greetings.close()
 
     def until(self, condition):
         end = time.monotonic() + LIMIT
