@@ -37,6 +37,9 @@ from ankle_physics.joint_profile import ANKLE, JointProfile, joint_in_force
 from ankle_physics.signals import Signals
 
 Values = Mapping[str, Any]
+"""Values of a term, by symbol."""
+ModelValues = dict[str, dict[str, float]]
+"""Values of all terms of a model, by term and symbol."""
 State = dict[str, Any]
 
 
@@ -276,7 +279,7 @@ class Term(ABC):
         return 0.0
 
     @classmethod
-    def imitated_by(cls, model: Mapping[str, Values]) -> dict[str, dict[str, dict[str, float]]]:
+    def imitated_by(cls, model: Mapping[str, Values]) -> dict[str, ModelValues]:
         """Return how other terms make nearly the torque of this one: for each of them, by its name,
         the values of a model, by term and symbol. A fit with such a term begins there.
 
@@ -288,7 +291,7 @@ class Term(ABC):
         return {}
 
     @classmethod
-    def begins_beside(cls, model: Mapping[str, Values]) -> list[dict[str, dict[str, float]]]:
+    def begins_beside(cls, model: Mapping[str, Values]) -> list[ModelValues]:
         """Return where a fit with this term begins, too, each by term and symbol: where other terms
         of a model have bent to take the place of this one, a fit from there may not find back.
 

@@ -12,13 +12,12 @@ from ankle_physics.term import term_library
 from calibration.errors import CalibrationError
 from calibration.session_calibration import (
     CalibratedSession,
-    described_session,
     require_subject,
     session_library,
-    session_warnings,
     stated_values,
     subject_model,
 )
+from calibration.session_statements import described_session, session_warnings
 from impedance_estimator.known_physics import KnownPhysics
 
 RIG = RigFile(

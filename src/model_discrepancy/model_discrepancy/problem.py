@@ -13,7 +13,7 @@ from scipy.signal import coherence, welch
 
 from ankle_physics.model import PAPER_TERMS
 from ankle_physics.rig_file import RigFile
-from ankle_physics.term import REFLEX_PLACES, term_library
+from ankle_physics.term import REFLEX_PLACES, ModelValues, term_library
 from model_discrepancy.fit.base_model import fit_base, is_alignment
 from model_discrepancy.fit.closed_loop import Load
 from model_discrepancy.fit.fit_result import Fit
@@ -171,7 +171,7 @@ def prepare(
     reading
         How the torque sensor reads what acts on the plate; None: as the rig's file has it.
     """
-    held: dict[str, dict[str, float]] = {}
+    held: ModelValues = {}
     if rig is not None:
         recording, held = calibrated(recording, rig), held_terms(rig)
         library = term_library()

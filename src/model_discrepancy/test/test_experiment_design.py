@@ -17,12 +17,9 @@ from model_discrepancy.recording.recording import Recording
 from model_discrepancy.tools.candidate_movements import Candidate, candidates_for
 from model_discrepancy.tools.experiment_design import (
     Design,
-    Proposal,
-    RivalSet,
     design_experiment,
-    percent,
-    rank,
 )
+from model_discrepancy.tools.movement_ranking import Proposal, RivalSet, percent, rank
 from perturbation_generator.limits import Limits
 from simulation_study.planted_trials import simulate_trial
 
@@ -72,7 +69,7 @@ def test_no_movement_is_much_larger_than_what_was_recorded():
 
 def test_equal_models_cannot_be_told_apart_and_different_ones_can(monkeypatch):
     few = [Candidate("steps", {"signal": "random_steps", "amplitude": 0.03, "direction": "both"})]
-    monkeypatch.setattr("model_discrepancy.tools.experiment_design.candidates_for", lambda *_: few)
+    monkeypatch.setattr("model_discrepancy.tools.movement_ranking.candidates_for", lambda *_: few)
     relaxing = {**PAPER, "maxwell_relaxation": typical("maxwell_relaxation")}
     late = {**PAPER, "long_latency_reflex": typical("long_latency_reflex")}
     (same,) = rank([RivalSet({"a": relaxing, "b": relaxing}, 0.0)], CONDITIONS)
@@ -202,11 +199,11 @@ def test_a_verdict_on_an_axis_is_designed_for_in_its_own_units(tmp_path, monkeyp
             {"signal": "random_steps", "amplitude": 0.02, "direction": "both"},
         )
     ]
-    monkeypatch.setattr("model_discrepancy.tools.experiment_design.candidates_for", lambda *_: few)
+    monkeypatch.setattr("model_discrepancy.tools.movement_ranking.candidates_for", lambda *_: few)
     for function in ("separating_measurements", "repetition"):
         monkeypatch.setattr(f"model_discrepancy.tools.experiment_design.{function}", lambda _: [])
     monkeypatch.setattr(
-        "model_discrepancy.tools.experiment_design._excesses",
+        "model_discrepancy.tools.movement_ranking._excesses",
         lambda *_, **__: {("coulomb_friction", "saturating_damping"): 0.2},
     )
     found = design_experiment(tmp_path)

@@ -13,10 +13,10 @@ from ankle_physics.term import term_library
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import faults
 from model_discrepancy.report.investigation_report import write_investigation
-from model_discrepancy.tools import experiment_design, investigation
+from model_discrepancy.tools import investigation, movement_ranking
 from model_discrepancy.tools.candidate_movements import Candidate
-from model_discrepancy.tools.experiment_design import Proposal, RivalSet, _ranked
 from model_discrepancy.tools.investigation import Investigation, investigate
+from model_discrepancy.tools.movement_ranking import Proposal, RivalSet, _ranked
 from model_discrepancy.tools.open_set import OpenSet, remaining
 from model_discrepancy.tools.recording_judgement import judge_alone, open_sets
 from model_discrepancy.tools.shared_effects import Member, Together
@@ -128,18 +128,18 @@ def test_where_nothing_can_be_decided_the_least_hopeless_leads():
 def test_a_movement_that_left_the_rivals_open_is_not_proposed_again(monkeypatch):
     movements = {"steps": 0.2, "sines": 0.1}
     monkeypatch.setattr(
-        experiment_design, "candidates_for", lambda *_: [Candidate(t, {}) for t in movements]
+        movement_ranking, "candidates_for", lambda *_: [Candidate(t, {}) for t in movements]
     )
     monkeypatch.setattr(
-        experiment_design,
+        movement_ranking,
         "_excesses",
         lambda candidate, *_, **__: {("a", "b"): movements[candidate.title]},
     )
     conditions = {**CONDITIONS, "movement[rad]": 0.08}
     sets = [RivalSet({"a": {}, "b": {}}, 0.0)]
-    first = experiment_design.rank(sets, conditions)
+    first = movement_ranking.rank(sets, conditions)
     assert [p.candidate.title for p in first] == ["steps", "sines"]
-    second = experiment_design.rank(sets, conditions, made=["steps"])
+    second = movement_ranking.rank(sets, conditions, made=["steps"])
     assert [p.candidate.title for p in second] == ["sines"]
 
 

@@ -10,10 +10,11 @@ import pytest
 from model_discrepancy.recording.torque_reading import TorqueReading
 from model_discrepancy.tools import investigation, joint_judgement
 from model_discrepancy.tools.candidate_movements import Candidate
-from model_discrepancy.tools.experiment_design import Design, Proposal, RivalSet
+from model_discrepancy.tools.experiment_design import Design
 from model_discrepancy.tools.investigation import Round, investigate
 from model_discrepancy.tools.joint_candidates import Rivals
 from model_discrepancy.tools.joint_judgement import Judgement, judge_together, settle_doubts
+from model_discrepancy.tools.movement_ranking import Proposal, RivalSet
 from model_discrepancy.tools.open_set import OpenSet
 
 BASE = ("inertia", "viscosity", "stiffness", "reflex")

@@ -231,7 +231,7 @@ def session(
 
 def _shown(found: CalibratedSession) -> list[str]:
     """Show what was found; return what is to be said before the model is handed over."""
-    from calibration.session_calibration import described_session, session_warnings
+    from calibration.session_statements import described_session, session_warnings
 
     console.print(f"verdict: {found.verdict['verdict']}", style="bold")
     for effect in found.verdict["effects"]:

@@ -36,11 +36,8 @@ def verb(
     Example: ankle design-experiment session_diagnosis --out design
     """
     from ankle_physics.own_terms import load_terms
-    from model_discrepancy.tools.experiment_design import (
-        LISTED_DESIGNS,
-        design_experiment,
-        percent,
-    )
+    from model_discrepancy.tools.experiment_design import LISTED_DESIGNS, design_experiment
+    from model_discrepancy.tools.movement_ranking import percent
 
     load_terms(terms or "")
     if not verdict.exists():

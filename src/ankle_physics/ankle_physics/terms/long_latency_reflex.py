@@ -8,7 +8,7 @@ import numpy as np
 
 from ankle_physics.reflex_arc import MUSCLE_FREQUENCY, ReflexArc
 from ankle_physics.signals import Signals
-from ankle_physics.term import Parameter, Place, State, Values
+from ankle_physics.term import ModelValues, Parameter, Place, State, Values
 from ankle_physics.terms.reflex import Reflex
 
 # Where it is not in a model, the response of the short-latency reflex is drawn out to cover it:
@@ -64,7 +64,7 @@ class LongLatencyReflex(ReflexArc):
         return {"Gl": self.response_to(drive, values, state)}
 
     @classmethod
-    def begins_beside(cls, model: Mapping[str, Values]) -> list[dict[str, dict[str, float]]]:
+    def begins_beside(cls, model: Mapping[str, Values]) -> list[ModelValues]:
         if "reflex" not in model:
             return []
         drawn_out = {symbol: float(value) for symbol, value in model["reflex"].items()}

@@ -11,7 +11,7 @@ import numpy as np
 
 from ankle_physics.linear_dynamics import SecondOrder
 from ankle_physics.signals import Signals
-from ankle_physics.term import Owner, Parameter, Place, State, Term, Values
+from ankle_physics.term import ModelValues, Owner, Parameter, Place, State, Term, Values
 
 
 class PlateAppendage(Term):
@@ -65,7 +65,7 @@ class PlateAppendage(Term):
     )
 
     @classmethod
-    def imitated_by(cls, model: Mapping[str, Values]) -> dict[str, dict[str, dict[str, float]]]:
+    def imitated_by(cls, model: Mapping[str, Values]) -> dict[str, ModelValues]:
         own = model[cls.name]
         omega, swings = 2.0 * np.pi * float(own["frequency"]), float(own["Ia"])
         if "inertia" not in model or swings <= 0.0:

@@ -30,7 +30,7 @@ class ReflexExponent(Term):
         Parameter(
             "p",
             "1",
-            0.2,
+            0.05,
             4.0,
             0.6,
             "Houk et al. 1981: 0.3; Prochazka & Gorassini 1998: 0.5 to 0.6; above 1: recruitment",
@@ -38,6 +38,8 @@ class ReflexExponent(Term):
                 "It is the power of the stretch speed that the reflex follows; 1 means in "
                 "proportion."
             ),
+            # Evenly over what people have, and a reflex that answers fully or not at all.
+            tried=(0.1, 0.23, 0.33, 0.46, 0.64, 0.9, 1.25, 1.75, 2.4, 3.4),
         ),
     )
 

@@ -24,11 +24,13 @@ class ReflexSaturation(Term):
         Parameter(
             "vs",
             "rad/s",
-            0.1,
+            0.02,
             10.0,
             1.0,
             "reflex torque levels off between 1 and 5 rad/s (Stein & Kearney 1995)",
             description="It is the speed of the stretch above which the reflex hardly grows.",
+            # Evenly over what people have, and a reflex that answers fully or not at all.
+            tried=(0.05, 0.13, 0.22, 0.36, 0.6, 1.0, 1.7, 2.8, 4.6, 7.7),
         ),
     )
 

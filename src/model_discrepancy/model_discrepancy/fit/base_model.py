@@ -8,7 +8,7 @@ import numpy as np
 
 from ankle_physics.joint_profile import ANKLE, joint_in_force
 from ankle_physics.model import PAPER_TERMS
-from ankle_physics.term import term_library
+from ankle_physics.term import ModelValues, term_library
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.parameter_scale import Start, plausible, to_unit
@@ -68,7 +68,7 @@ def align(fitter: Fitter, fit: Fit) -> Fit:
     )
 
 
-def without_alignment(values: Start) -> dict[str, dict[str, float]]:
+def without_alignment(values: Start) -> ModelValues:
     """Return a model's values without those of the channels' alignment.
 
     Parameters

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ankle_physics.term import ModelValues
 from model_discrepancy.fit.rows import Rows
 from model_discrepancy.fit.signal_path import Column
 
@@ -45,13 +46,13 @@ class Fit:
         the covariance of their parameters.
     """
 
-    values: dict[str, dict[str, float]]
+    values: ModelValues
     residual: np.ndarray
     left: np.ndarray = field(repr=False)
     rows: Rows = field(repr=False)
     score: float
     size: int
-    errors: dict[str, dict[str, float]] = field(default_factory=dict)
+    errors: ModelValues = field(default_factory=dict)
     at_bounds: tuple[str, ...] = ()
     absent: tuple[str, ...] = ()
     draws: dict[Column, np.ndarray] = field(default_factory=dict, repr=False)

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from scipy.optimize import least_squares
 
-from ankle_physics.term import Parameter, term_library
+from ankle_physics.term import ModelValues, Parameter, term_library
 from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.coupled_foot import Foot
 from model_discrepancy.fit.fit_result import Fit
@@ -136,9 +136,7 @@ class Fitter:
         known = self._whitened.of(id(spectrum), lambda: (spectrum, self.rows.whitened(spectrum)))
         return known[1]
 
-    def start_values(
-        self, names: Sequence[str], start: Start | None = None
-    ) -> dict[str, dict[str, float]]:
+    def start_values(self, names: Sequence[str], start: Start | None = None) -> ModelValues:
         """Return the typical values of these terms, conventions set, overridden by `start` where it
         has the term.
         """

@@ -9,7 +9,7 @@ import numpy as np
 
 from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.joint_profile import joint_in_force
-from ankle_physics.term import Parameter, term_library
+from ankle_physics.term import ModelValues, Parameter, term_library
 from model_discrepancy.fit.signal_path import FOOT_IMPEDANCE, Column
 
 Start = Mapping[str, Mapping[str, float]]
@@ -91,9 +91,7 @@ def stretch(parameter: Parameter, value: float) -> float:
     return (from_unit(parameter, high) - from_unit(parameter, low)) / (high - low)
 
 
-def with_unit(
-    values: Start, name: str, parameter: Parameter, unit: float
-) -> dict[str, dict[str, float]]:
+def with_unit(values: Start, name: str, parameter: Parameter, unit: float) -> ModelValues:
     """Return the values with one parameter at another place of its scaled range."""
     changed = {n: dict(v) for n, v in values.items()}
     changed[name][parameter.symbol] = from_unit(parameter, unit)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ankle_physics.term import Parameter
+from ankle_physics.term import ModelValues, Parameter
 from model_discrepancy.fit.least_squares import columns_of, orthonormal
 from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.fit.parameter_scale import UNIT_STEP, from_unit, to_unit
@@ -75,7 +75,7 @@ class Projection:
     def __init__(
         self,
         fitter: Fitter,
-        values: dict[str, dict[str, float]],
+        values: ModelValues,
         free: list[tuple[str, Parameter]],
         fitted: slice | np.ndarray,
         foot: Foot | None = None,
@@ -111,7 +111,7 @@ class Projection:
                 updates=min(last.updates + 1, UPDATES),
             )
 
-    def values_at(self, units: np.ndarray) -> dict[str, dict[str, float]]:
+    def values_at(self, units: np.ndarray) -> ModelValues:
         """Return all values, the free ones at these places 0...1 of their ranges, shape (p,)."""
         values = {name: dict(given) for name, given in self._values.items()}
         for (name, parameter), unit in zip(self._free, units, strict=True):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ankle_physics.term import term_library
+from ankle_physics.term import ModelValues, term_library
 from model_discrepancy.fit.block_bootstrap import bootstrap_changes
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
@@ -32,7 +32,7 @@ def with_errors(fitter: Fitter, fit: Fit) -> Fit:
     root = _inverse_root(information) * np.sqrt(variance) / scale[:, None]
     changes = bootstrap_changes(matrix[:, free], fit.residual, used, fitter.rows.rate)
     drawn = np.std(changes, axis=0, ddof=1)
-    errors: dict[str, dict[str, float]] = {name: {} for name in fit.terms}
+    errors: ModelValues = {name: {} for name in fit.terms}
     spreads = np.fmax(np.linalg.norm(root, axis=1), drawn)
     for place, (k, spread) in enumerate(zip(free, spreads, strict=True)):
         name, symbol = labels[k]

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ankle_physics.rig_file import RigFile
+from ankle_physics.term import ModelValues
 from model_discrepancy.recording.compliance import COMPLIANCE_LOW_PASSES, Compliance
 from model_discrepancy.recording.recording import Recording
 
@@ -58,7 +59,7 @@ def on_time(signal: np.ndarray, rate: float, delay: float) -> np.ndarray:
     return np.interp(time + delay, time, signal)
 
 
-def held_terms(rig: RigFile) -> dict[str, dict[str, float]]:
+def held_terms(rig: RigFile) -> ModelValues:
     """Return the values of the rig's terms, by term and symbol, which a fit holds."""
     held = {
         entry.term.name: {symbol: float(value) for symbol, value in entry.values.items()}

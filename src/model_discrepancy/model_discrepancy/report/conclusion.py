@@ -9,6 +9,7 @@ import numpy as np
 
 from ankle_physics.impedance import OperatingPoint
 from ankle_physics.model import Model
+from ankle_physics.term import ModelValues
 from model_discrepancy.criticism.criticism import Criticism
 from model_discrepancy.criticism.judgement import criticised
 from model_discrepancy.criticism.missing_block import MissingBlock
@@ -258,7 +259,7 @@ def _likely_place(after: Remainder) -> str:
 
 def _given_model(fitter: Fitter, baseline: Model) -> str:
     """Return how the given model does without any refit."""
-    values: dict[str, dict[str, float]] = {
+    values: ModelValues = {
         e.term.name: dict(e.values) for e in baseline.entries if e.term.name != "voluntary_torque"
     }
     given: Fit = fitter.evaluate(values)

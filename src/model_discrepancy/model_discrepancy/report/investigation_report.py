@@ -16,8 +16,8 @@ from ankle_physics.term import term_library
 from model_discrepancy.report.page import html_list, html_table, image, write_page
 from model_discrepancy.report.pictures import encoded
 from model_discrepancy.report.several_report import write_several
-from model_discrepancy.tools.experiment_design import percent
 from model_discrepancy.tools.investigation import FIRST_FOLDER, TOGETHER_FOLDER, Investigation
+from model_discrepancy.tools.movement_ranking import percent
 from model_discrepancy.tools.open_set import LEAST_APART, OpenSet
 
 

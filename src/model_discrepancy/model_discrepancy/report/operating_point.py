@@ -20,7 +20,7 @@ from ankle_physics.impedance import (
     impedance,
     shapes_effective_stiffness,
 )
-from ankle_physics.term import REFLEX_PLACES, term_library
+from ankle_physics.term import REFLEX_PLACES, ModelValues, term_library
 from model_discrepancy.criticism.remainder import Remainder
 from model_discrepancy.fit.base_model import reflex_at_bound
 from model_discrepancy.fit.fit_result import Fit
@@ -257,7 +257,7 @@ def _model_shares(found: Found, missing: bool) -> dict[str, float]:
 
 
 def _values(
-    values: dict[str, dict[str, float]], at: OperatingPoint, effective: float | None = None
+    values: ModelValues, at: OperatingPoint, effective: float | None = None
 ) -> dict[str, float]:
     model = to_model(values, "at an operating point")
     try:

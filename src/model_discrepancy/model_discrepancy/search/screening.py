@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ankle_physics.compliant_coupling import CompliantCoupling
-from ankle_physics.term import Parameter, Place, Term, term_library
+from ankle_physics.term import ModelValues, Parameter, Place, Term, term_library
 from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.coupled_foot import Foot
 from model_discrepancy.fit.fit_result import Fit
@@ -54,7 +54,7 @@ class _AtPoint(NamedTuple):
     """
 
     error: float
-    values: dict[str, dict[str, float]]
+    values: ModelValues
     left: np.ndarray
     foot: Foot | None
     changed: np.ndarray | None
@@ -300,7 +300,7 @@ def _shaping(
     return [(share, at.values[name]) for share, at in zip(shares, results, strict=True)]
 
 
-def _foot(columns: Columns, fit: Fit, values: dict[str, dict[str, float]]) -> Foot | None:
+def _foot(columns: Columns, fit: Fit, values: ModelValues) -> Foot | None:
     """Return the foot beside which a candidate is tried: that of the present model, or, where the
     candidate is what lets it move, that of the values after one round.
     """
@@ -308,9 +308,7 @@ def _foot(columns: Columns, fit: Fit, values: dict[str, dict[str, float]]) -> Fo
     return present if present is not None else columns.foot(values, rounds=1)
 
 
-def _left(
-    fitter: Fitter, values: dict[str, dict[str, float]], foot: Foot | None
-) -> tuple[np.ndarray, dict[str, dict[str, float]]]:
+def _left(fitter: Fitter, values: ModelValues, foot: Foot | None) -> tuple[np.ndarray, ModelValues]:
     """Return the residual rows with all amplitudes solved for but those of held terms, and the
     values with these amplitudes; a model that runs away explains nothing.
     """
@@ -338,7 +336,7 @@ def _left(
 def _changed(
     fitter: Fitter,
     fit: Fit,
-    values: dict[str, dict[str, float]],
+    values: ModelValues,
     foot: Foot | None,
     here: np.ndarray,
 ) -> np.ndarray:
@@ -370,7 +368,7 @@ def _observe_shaping(
             null.observe(name, orthonormal(column), point)
 
 
-def _with(columns: Columns, fit: Fit, name: str, point: Point) -> dict[str, dict[str, float]]:
+def _with(columns: Columns, fit: Fit, name: str, point: Point) -> ModelValues:
     values = dict(fit.values)
     for added in with_term((), name):
         values.setdefault(

@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from ankle_physics.term import term_library
+from ankle_physics.term import ModelValues, term_library
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.parallel import in_parallel
@@ -141,9 +141,7 @@ def _alone(
     return max([anew, *swings_alike], key=lambda trial: trial.gain)
 
 
-def _imitations(
-    found: Found, name: str, members: Sequence[str]
-) -> list[dict[str, dict[str, float]]]:
+def _imitations(found: Found, name: str, members: Sequence[str]) -> list[ModelValues]:
     """Return the values at which this term, or the special case that it holds, makes nearly the
     torque of another one of these members.
     """

@@ -22,20 +22,16 @@ import numpy as np
 
 from ankle_physics.joint_profile import joint_in_force
 from ankle_physics.rig_file import RigFile
+from ankle_physics.term import ModelValues
 from model_discrepancy.diagnose import Diagnosis, diagnose
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import faults
 from model_discrepancy.search.exchange import RIVAL_EXCESS
 from model_discrepancy.tools.candidate_movements import Candidate
-from model_discrepancy.tools.experiment_design import (
-    Design,
-    Proposal,
-    RivalSet,
-    Values,
-    rank,
-)
+from model_discrepancy.tools.experiment_design import Design
 from model_discrepancy.tools.joint_judgement import judge_together, settle_doubts
+from model_discrepancy.tools.movement_ranking import Proposal, RivalSet, rank
 from model_discrepancy.tools.open_set import LEAST_APART, OpenSet
 from model_discrepancy.tools.recording_judgement import judge_alone, open_sets
 from model_discrepancy.tools.shared_effects import Together
@@ -139,7 +135,7 @@ class Investigation:
         return [f"{TOGETHER_FOLDER}/{member.name}.yaml" for member in self.found.members]
 
     @property
-    def beside(self) -> Values:
+    def beside(self) -> ModelValues:
         """Return the effects for which no other names would do, with their values."""
         assert self.first.found is not None
         asked = {s.effect for s in self.sets}

@@ -25,13 +25,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ankle_physics.rig_file import RigFile
+from ankle_physics.term import ModelValues
 from model_discrepancy.fit.base_model import bic_change
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.parallel import side_by_side
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.torque_reading import TorqueReading
 from model_discrepancy.search.found import REFINEMENT, Progress
-from model_discrepancy.tools.experiment_design import Values
 from model_discrepancy.tools.joint_candidates import rivals_together
 from model_discrepancy.tools.open_set import OpenSet, remaining
 from model_discrepancy.tools.several_recordings import diagnose_together
@@ -72,7 +72,7 @@ def judge_together(
     recordings: Sequence[Recording],
     library: Sequence[str] | None = None,
     progress: Progress = lambda _: None,
-    beside: Values | None = None,
+    beside: ModelValues | None = None,
     rig: RigFile | None = None,
     reading: TorqueReading | None = None,
 ) -> Judgement:
@@ -241,6 +241,6 @@ def _question(one: OpenSet, found: Together, name: str, library: Sequence[str] |
     one.excess, one.evidence, one.errors = {}, {}, {}
 
 
-def _values(fit: Fit) -> Values:
+def _values(fit: Fit) -> ModelValues:
     """Return the values of a model's terms."""
     return {term: dict(fit.values[term]) for term in fit.terms}

@@ -7,14 +7,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ankle_physics.term import term_library
+from ankle_physics.term import ModelValues, term_library
 from model_discrepancy.fit.base_model import align
 from model_discrepancy.fit.block_bootstrap import STRETCH_S
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.search.screening import grid, with_term, without_term
-from model_discrepancy.tools.experiment_design import Values
 
 # Standard errors of the mean by which a name must leave more error, from stretch to stretch of the
 # designed recordings, than the likeliest one (Vuong 1989, Econometrica 57, 307): one in 700 by
@@ -69,7 +68,7 @@ class OpenSet:
     """
 
     effect: str
-    models: dict[str, Values]
+    models: dict[str, ModelValues]
     excess: dict[str, list[float]] = field(default_factory=dict)
     evidence: dict[str, float] = field(default_factory=dict)
     errors: dict[str, list[np.ndarray]] = field(default_factory=dict)
@@ -128,7 +127,7 @@ class OpenSet:
         spread = float(np.std(every, ddof=1))
         return float(np.sqrt(len(every)) * every.mean() / spread) if spread > 0.0 else 0.0
 
-    def model(self, name: str) -> Values:
+    def model(self, name: str) -> ModelValues:
         """Return the values of the model with one of the names, without those of the preferred one
         in whose place it stands.
         """

@@ -14,7 +14,7 @@ from model_discrepancy.recording.motion import motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.servo import identify_servo
 from model_discrepancy.search.screening import with_term
-from model_discrepancy.tools.experiment_design import percent
+from model_discrepancy.tools.movement_ranking import percent
 from model_discrepancy.tools.open_set import OpenSet, remaining, stretch_errors
 
 

@@ -18,7 +18,7 @@ from scipy.stats import chi2
 
 from ankle_physics.joint_profile import JointProfile, joint_in_force
 from ankle_physics.rig_file import RigFile
-from ankle_physics.term import term_library
+from ankle_physics.term import ModelValues, term_library
 from model_discrepancy.criticism.remainder import remainder
 from model_discrepancy.diagnose import READING_MARGIN
 from model_discrepancy.errors import DiagnosisError
@@ -39,7 +39,6 @@ from model_discrepancy.search.found import Progress
 from model_discrepancy.search.hypotheses import MOST_TERMS
 from model_discrepancy.search.null import Null
 from model_discrepancy.search.screening import with_term
-from model_discrepancy.tools.experiment_design import Values
 from model_discrepancy.tools.joint_candidates import best_step, specialised
 from model_discrepancy.tools.shared_effects import (
     Member,
@@ -52,9 +51,6 @@ LEAST_RELATIVE_ERROR = 0.02
 # Evaluations of the refit of a term from which a search begins.
 BEGIN_EVALUATIONS = 25
 
-Held = dict[str, dict[str, float]]
-"""Values by term and symbol that are the same in all recordings."""
-
 
 def diagnose_together(
     sources: Sequence[Recording | str | Path],
@@ -62,7 +58,7 @@ def diagnose_together(
     progress: Progress = lambda _: None,
     joint: JointProfile | None = None,
     rig: RigFile | str | Path | None = None,
-    begin: Values | None = None,
+    begin: ModelValues | None = None,
     reading: TorqueReading | None = None,
 ) -> Together:
     """Diagnose several recordings of one rig together.
@@ -106,7 +102,7 @@ def _diagnosed_together(
     library: Sequence[str] | None,
     progress: Progress,
     known: RigFile | None,
-    begin: Values,
+    begin: ModelValues,
     reading: TorqueReading | None,
 ) -> Together:
     recordings = [s if isinstance(s, Recording) else Recording.from_bag(s) for s in sources]
@@ -198,7 +194,7 @@ def _member(
 
 
 def _searched(
-    members: list[Member], library: Sequence[str] | None, progress: Progress, begin: Values
+    members: list[Member], library: Sequence[str] | None, progress: Progress, begin: ModelValues
 ) -> tuple[Together, dict[str, float]]:
     """Return what is found from the base models or from given terms, whichever makes all recordings
     likelier, and the joint gain of each term by its name.
@@ -217,7 +213,7 @@ def _searched(
     return (other, other_gains) if change < 0.0 else (found, gains)
 
 
-def _begun(found: Together, begin: Values) -> dict[str, float]:
+def _begun(found: Together, begin: ModelValues) -> dict[str, float]:
     """Put those of the given terms into all models that make all recordings likelier, one after
     the other, and return the joint gain of each.
     """
@@ -267,7 +263,7 @@ def _settle(found: Together, gains: dict[str, float], progress: Progress) -> Non
     """Compare the recordings' values, share what is the rig's, and score everything."""
     for member in found.members:
         member.fit = with_errors(member.problem.fitter, member.fit)
-    held: Held = {}
+    held: ModelValues = {}
     shares = _shares(gains)
     for name, gain in gains.items():
         effect = _compared(found.members, name, gain, shares[name])
@@ -304,7 +300,7 @@ def _shares(gains: Mapping[str, float]) -> dict[str, float]:
     return {name: part / (1.0 - left) for name, part in taken.items()}
 
 
-def _excess(members: Sequence[Member], held: Held) -> float:
+def _excess(members: Sequence[Member], held: ModelValues) -> float:
     """Return the largest share by which held values raise the whitened error of a recording."""
 
     def one(member: Member) -> float:
