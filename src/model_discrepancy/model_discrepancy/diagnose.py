@@ -126,7 +126,7 @@ def _diagnose_and_write(
         diagnosis = Diagnosis(recording, Verdict("bad_recording", reasons=reading.faults))
     else:
         diagnosis = _diagnose(reading, baseline, library, progress, rig)
-    diagnosis.verdict.reasons += list(recording.notes)
+    diagnosis.verdict.reasons += list(diagnosis.recording.notes)
     if rig is not None:
         diagnosis.verdict.rig["known"] = rig.title
         diagnosis.verdict.reasons.append(

@@ -14,7 +14,9 @@ from ankle_physics.model import PAPER_TERMS, Model
 from ankle_physics.signals import Signals
 from ankle_physics.virtual_rig import simulate
 from model_discrepancy.criticism import criticism
+from model_discrepancy.criticism.ceiling import unexplainable_power
 from model_discrepancy.diagnose import diagnose
+from model_discrepancy.problem import prepare
 from model_discrepancy.recording.compliance import Compliance
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.report.html_report import explained, headline
@@ -232,3 +234,15 @@ def test_both_real_trials_gain_on_unseen_data(real_recording):
     assert fit["augmented_vaf_holdout"] > fit["baseline_vaf_holdout"] + 1.0
     assert fit["whitened_error_cut"] > 0.5
     assert np.isfinite(fit["remaining_predictable_share"])
+
+
+def test_a_movement_that_never_comes_again_bounds_nothing():
+    """Of a single sweep no two moments have the same history."""
+    time = np.arange(40 * 1024) / 1024.0
+    position = 0.02 * np.sin(2.0 * np.pi * (0.1 * time + 0.2 * time**2))
+    velocity = np.gradient(position) * 1024.0
+    torque = 80.0 * position + 0.8 * velocity + 0.014 * np.gradient(velocity) * 1024.0
+    noise = 0.1 * np.random.default_rng(1).standard_normal(len(time))
+    sweep = Recording(1024.0, position, torque + noise, name="sweep")
+    problem = prepare(sweep)
+    assert unexplainable_power(problem.fitter.columns, problem.base) == 0.0

@@ -3,12 +3,26 @@
 import pytest
 
 from model_discrepancy.criticism.remainder import remainder
+from model_discrepancy.fit import held_torque
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.generic_bank import GenericBank
 from model_discrepancy.problem import prepare
 from model_discrepancy.recording.motion import motion_of
 from model_discrepancy.search.null import Null
 from simulation_study.planted_trials import simulate_trial
+from simulation_study.verdict_cases import Plan, made
+
+
+def recorded_binary():
+    """A binary sequence without a mismatch, of a subject whose reflex varies."""
+    plan = Plan(
+        *("null", 16, 1665214809977070823, (), "stiff", "binary", 2048.0),
+        velocity=False,
+        reference=True,
+        noise="noisy",
+        variability="large",
+    )
+    return made(plan).recording
 
 
 @pytest.mark.parametrize(
@@ -57,3 +71,22 @@ def test_without_rests_nobody_knows_the_preceding_torque():
     assert fitter.motion.preceding is None
     with pytest.raises(ValueError, match="held before each movement"):
         GenericBank(fitter.columns, over="preceding torque")
+
+
+def test_responses_that_overlap_are_no_joint_that_follows_torque():
+    """In a binary sequence the response to one movement, whose size varies, is under way just
+    before the next one, and lasts on.
+    """
+    recording, shares = recorded_binary(), []
+    for least_rested in (held_torque.LEAST_RESTED, 0.0):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(held_torque, "LEAST_RESTED", least_rested)
+            problem = prepare(recording)
+        base = problem.base
+        shares.append(
+            remainder(
+                problem.bank_over_torque, problem.fitter, base.residual, base.plain, problem.parts
+            ).share
+        )
+    assert shares[0] < 0.02
+    assert shares[1] > 0.05

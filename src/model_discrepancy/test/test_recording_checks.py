@@ -4,10 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import butter, lfilter, sosfiltfilt
 
+from ankle_physics.memory_elements import BacklashOperator
 from model_discrepancy.errors import DiagnosisError
-from model_discrepancy.recording.channel_gains import channel_findings
+from model_discrepancy.recording.channel_gains import channel_findings, trusted
+from model_discrepancy.recording.motion import motion_step
+from model_discrepancy.recording.reading import STRANGE_COMMAND_SENTENCE, check
+from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import faults
+from model_discrepancy.recording.servo import identify_servo
+from model_discrepancy.recording.velocity_coupling import coupling_corner
 from model_discrepancy.tools.candidate_movements import candidates_for
 from simulation_study import planted_in_human, verdict_cases
 from simulation_study.independent_conduct import IndependentConduct
@@ -216,3 +223,85 @@ def test_a_slow_torque_channel_that_hides_the_inertia_is_no_wrong_unit(real_reco
     assert faults(slow) == []
     milli = replace(real_recording, torque=0.001 * real_recording.torque)
     assert "wrong unit" in faults(milli)[0]
+
+
+def moved(position, seed=1):
+    """A recording of a joint of 80 N.m/rad that follows this position [rad] exactly, at 1024 Hz."""
+    rate = 1024.0
+    noise = np.random.default_rng(seed).standard_normal((3, len(position)))
+    velocity = np.gradient(position) * rate
+    torque = 80.0 * position + 0.8 * velocity + 0.014 * np.gradient(velocity) * rate
+    return Recording(
+        rate,
+        position + 2e-5 * noise[0],
+        torque + 0.05 * noise[1],
+        velocity + 2e-3 * noise[2],
+        name="moved",
+    )
+
+
+def test_a_slow_movement_makes_no_gain_of_the_velocity_wrong():
+    """Above 1 Hz the derivative of position is mostly the encoder's noise."""
+    time = np.arange(60 * 1024) / 1024.0
+    ramps = np.interp(time % 10.0, [0.0, 2.0, 4.0, 6.0, 8.0, 10.0], [0.0, 0.2, 0.2, 0.0, 0.0, 0.0])
+    smooth = sosfiltfilt(butter(2, 20.0, fs=1024.0, output="sos"), ramps)
+    assert not [fault for fault in faults(moved(smooth)) if "velocity" in fault]
+    for position in (smooth, 0.03 * np.sin(2 * np.pi * time)):
+        assert channel_findings(moved(position)) == []
+    wrong = moved(0.03 * np.sin(2 * np.pi * time))
+    (found,) = channel_findings(replace(wrong, velocity=1.1 * wrong.velocity))
+    assert found.parameters["gain[1]"][0] == pytest.approx(1.1, abs=0.01)
+    assert [f for f in faults(replace(wrong, velocity=57.3 * wrong.velocity)) if "unit" in f]
+
+
+def test_one_movement_does_not_tell_how_much_a_gain_scatters():
+    position = np.where(np.arange(60 * 1024) > 5 * 1024, 0.05, 0.0)
+    smooth = sosfiltfilt(butter(2, 20.0, fs=1024.0, output="sos"), position)
+    one = moved(smooth)
+    assert channel_findings(replace(one, velocity=1.2 * one.velocity)) == []
+
+
+def test_the_command_of_another_recording_is_not_used(null_recording):
+    followed = replace(null_recording, reference=null_recording.position)
+    strange = replace(followed, reference=followed.position[::-1].copy())
+    read = check(strange)
+    assert STRANGE_COMMAND_SENTENCE in read.recording.notes
+    assert identify_servo(strange, motion_step(strange)) is None
+    assert check(followed).recording.notes == ()
+
+
+def stepped(seconds=60.0, hold=0.5, seed=3):
+    """Steps of random size [rad] at 1024 Hz, as a drive of 20 Hz makes them."""
+    count = round(seconds * 1024)
+    steps = np.random.default_rng(seed).uniform(-0.02, 0.02, round(seconds / hold))
+    held = np.repeat(steps, round(hold * 1024))[:count]
+    return sosfiltfilt(butter(2, 20.0, fs=1024.0, output="sos"), held)
+
+
+@pytest.mark.parametrize("corner", [0.1, 0.5, 2.0])
+def test_a_velocity_that_is_coupled_by_a_capacitor_is_no_backlash(corner):
+    one = moved(stepped())
+    coupled = lfilter(*butter(1, corner, "high", fs=1024.0), one.velocity)
+    (found,) = channel_findings(replace(one, velocity=coupled))
+    assert found.name == "velocity_coupling"
+    assert found.parameters["corner[Hz]"][0] == pytest.approx(corner, rel=0.1)
+    assert f"slower than {found.parameters['corner[Hz]'][0]:.2g} Hz" in found.sentence
+    assert trusted(one, [found]).velocity is None
+
+
+def test_backlash_and_a_late_velocity_are_no_coupling():
+    one = moved(stepped())
+    shaken = replace(one, position=BacklashOperator().run(one.position, 0.002))
+    late = replace(one, velocity=np.roll(one.velocity, 5))
+    assert [coupling_corner(each) for each in (one, shaken, late)] == [None, None, None]
+    assert [found.name for found in channel_findings(shaken)] == ["backlash"]
+
+
+def test_a_foot_that_moves_now_and_then_has_no_dead_torque():
+    time = np.arange(60 * 1024) / 1024.0
+    pulses = np.where((time > 5.0) & (time % 7.0 < 0.05), 0.03, 0.0)
+    one = moved(sosfiltfilt(butter(2, 20.0, fs=1024.0, output="sos"), pulses))
+    assert not [fault for fault in faults(one) if "dead" in fault]
+    noise = 0.01 * np.random.default_rng(2).standard_normal(len(time))
+    lost = np.where((time > 20.0) & (time < 30.0), noise, one.torque)
+    assert [fault for fault in faults(replace(one, torque=lost)) if "dead" in fault]

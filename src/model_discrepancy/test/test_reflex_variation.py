@@ -8,6 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from ankle_physics.model import Model
+from ankle_physics.virtual_rig import simulate
 from model_discrepancy.criticism.variability import (
     USUAL_REFLEX_JITTER,
     USUAL_STIFFNESS_AFTER_MOVEMENTS,
@@ -16,6 +18,9 @@ from model_discrepancy.criticism.variability import (
 )
 from model_discrepancy.fit.reflex_variation import moved_from_rest
 from model_discrepancy.problem import prepare
+from model_discrepancy.recording.recording import Recording
+from perturbation_generator.pulse_step import PulseStep
+from perturbation_generator.settings import Settings as PerturbationSettings
 from simulation_study.verdict_cases import Plan, made
 
 
@@ -88,8 +93,8 @@ def test_the_size_of_changes_of_the_stiffness_is_measured():
 def test_a_startle_that_stiffens_the_joint_is_seen_and_is_no_matter_of_the_reflex():
     found = varies("startle_stiffening", variability_of_subject="small")
     value, error = found.stiffness_after
-    assert value > USUAL_STIFFNESS_AFTER_MOVEMENTS + 2.0 * error
-    assert "from one movement to the next" in found.unsteady[-1]
+    assert value > USUAL_STIFFNESS_AFTER_MOVEMENTS
+    assert any("from one moment to the next" in sentence for sentence in found.unsteady)
     assert found.unusual == []
     content = found.content()["stiffness_after_movements"]
     assert content["share_of_mean[1]"] == [value, error]
@@ -99,7 +104,8 @@ def test_a_startle_shows_where_the_joint_is_held_and_not_while_it_is_moved():
     """Pulses and steps: pieces of the recording that hold a movement weigh most among all."""
     found = varies("startle_stiffening", variability_of_subject="small", protocol="pulse_step")
     assert found.stiffness[0] < USUAL_STIFFNESS_VARIATION
-    assert found.stiffness_after[0] > 2.0 * USUAL_STIFFNESS_AFTER_MOVEMENTS
+    assert found.stiffness_after[0] > 1.5 * USUAL_STIFFNESS_AFTER_MOVEMENTS
+    assert "from one movement to the next" in found.unsteady[-1]
 
 
 @pytest.mark.slow
@@ -128,3 +134,27 @@ def test_an_earlier_reflex_that_varies_is_not_taken_for_the_response_to_the_next
     """With movements that come before the last response has ended."""
     found = varies(protocol="binary", seed=79)
     assert found.unusual == []
+
+
+def test_responses_of_a_varying_reflex_that_overlap_are_no_stiffness_that_varies():
+    """In a binary sequence every second movement begins while a response lasts."""
+    found = varies(protocol="binary")
+    assert found.reflex[0] > 0.1
+    for value, error in (found.stiffness, found.stiffness_after):
+        assert value < 2.5 * error
+
+
+@pytest.mark.parametrize("rms", [2.0, 8.0])
+def test_slow_torque_does_not_make_the_stiffness_vary(rms):
+    """What a whitening leaves of it lies along smooth shapes more than in single rows."""
+    rate = 1024.0
+    command = PulseStep(PerturbationSettings(rate=rate)).next(round(40.0 * rate))
+    core = {"inertia": {}, "viscosity": {}, "stiffness": {"K": 80.0}, "reflex": {}}
+    model = Model.of({**core, "voluntary_torque": {"rms": rms}})
+    done = simulate(command, rate, model, seed=1)
+    found = varies_in(
+        Recording(rate, done.position, done.torque, done.velocity, command[:, 0], name="slow")
+    )
+    for value, error in (found.stiffness, found.stiffness_after):
+        assert value < 2.5 * error
+    assert found.unsteady == []

@@ -20,6 +20,8 @@ HISTORY_S = (0.0, 0.01, 0.02, 0.03, 0.045, 0.06, 0.08, 0.11, 0.15, 0.2, 0.27, 0.
 # Rows between moments that are compared: neighbouring rows are nearly the same moment.
 _ROW_SPACING = 4
 _NEIGHBOURS = 12
+# Pairs of moments with a similar history that a straight line needs.
+_FEWEST_PAIRS = 20
 
 
 def ceiling_vaf(
@@ -48,7 +50,7 @@ def ceiling_vaf(
 def unexplainable_power(columns: Columns, fit: Fit) -> float:
     """Return the power [N.m^2] of the residual that no history of movement determines.
 
-    It differs between moments with the same history.
+    It differs between moments with the same history; 0 where no history comes again.
     """
     rows, m = columns.rows, columns.motion
     position = rows.plain(rows.spectrum(m.position))
@@ -67,6 +69,8 @@ def unexplainable_power(columns: Columns, fit: Fit) -> float:
     apart = np.abs(rows.time[index][neighbour] - rows.time[index][:, None]) > STRETCH_S
     squared = 0.5 * (residual[neighbour] - residual[:, None]) ** 2
     near, half = distance[apart] ** 2, squared[apart]
+    if len(near) < _FEWEST_PAIRS:
+        return 0.0
     # Squared differences grow with the squared distance; the nearer half is extrapolated to zero by
     # a straight line.
     chosen = near <= np.median(near)

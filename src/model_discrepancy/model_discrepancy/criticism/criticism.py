@@ -29,6 +29,15 @@ from model_discrepancy.search.null import Null
 # Of the movements that begin after a rest. Where a servo gave way and half of them did, as in a
 # binary sequence, what was held before predicted 8 % of a residual without a mismatch.
 MOST_FROM_REST = 0.75
+# Of what is left, that a block of one input predicts on unseen data. What predicts less is chance,
+# and would be simulated with the model.
+LEAST_DESCRIBED = 0.005
+TOO_SHORT_SENTENCE = (
+    "the recording is too short to describe the missing block (six stretches of 5 s are needed)"
+)
+NO_BLOCK_SENTENCE = (
+    "what is missing does not follow the movement: no term that a movement drives describes it"
+)
 
 
 @dataclass(frozen=True)
@@ -58,7 +67,9 @@ class Criticism:
     closed
         Share of the predictable mismatch that the effects close; NaN without a mismatch.
     block
-        What is missing, where the recording is unexplained and long enough to describe it.
+        What is missing, where the recording is unexplained, and a part of it follows the movement.
+    missing
+        What is said of it in an unexplained recording, with or without a block; else empty.
     """
 
     stated: Fit
@@ -74,6 +85,7 @@ class Criticism:
     verdict: str
     closed: float
     block: MissingBlock | None
+    missing: str
 
 
 def criticise(
@@ -110,10 +122,10 @@ def criticise(
     varies = variability(fitter, final, problem.recording.torque, problem.base)
     scores = Scores(base_scored.vaf, final_scored.vaf, ceiling[1])
     verdict, closed = judge(found, after, findings, varies, scores)
-    block = None
+    block, missing = None, ""
     if verdict == "unexplained":
         progress("describing what is missing")
-        block = missing_block(fitter, final, base_map.onsets)
+        block, missing = _described(missing_block(fitter, final, base_map.onsets))
     stated = (
         with_errors(fitter, found.base)
         if verdict == "no_mismatch" and found.effects
@@ -133,7 +145,17 @@ def criticise(
         verdict,
         closed,
         block,
+        missing,
     )
+
+
+def _described(block: MissingBlock | None) -> tuple[MissingBlock | None, str]:
+    """Return the missing block where it predicts more than nothing, and what is said of it."""
+    if block is None:
+        return None, TOO_SHORT_SENTENCE
+    if block.share < LEAST_DESCRIBED:
+        return None, NO_BLOCK_SENTENCE
+    return block, block.sentence
 
 
 def _held_out(problem: Problem, found: Found) -> tuple[HeldOut, HeldOut]:

@@ -62,12 +62,12 @@ USUAL_REFLEX_JITTER = 0.004
 # are correlated by 0.0 +- 0.1 in the human trial that has enough of them.
 # Where they do not, and differ by more than this, the reflex is turned down and up again.
 MATERIAL_REFLEX_COURSE = 0.2
-# In 192 recordings of the independent rig without a mismatch the stiffness varies by up to 6.1 %,
-# with startles by 5 to 24 %. Torque that moves the plate makes up to 8.5 %, where no command
-# tells. Two human trials show 8 and 40 %, beside effects that are named.
+# In 58 recordings of the independent rig without a mismatch the stiffness varies by up to 5.4 %, and
+# by 4 to 11 % in those with startles that are not pulses. Two human trials show 8 and 40 %, beside
+# effects that are named.
 USUAL_STIFFNESS_VARIATION = 0.08
-# A tenth to a third of a second after movements it differed from one to the next by 0 to 8.9 % in
-# 38 recordings without a mismatch (the third largest 3.7 %), and by 19 to 47 % in 12 with startles.
+# A tenth to a third of a second after movements it differed from one to the next by 0 to 8.1 % in
+# the same recordings, and by 14 to 44 % in 10 with startles.
 USUAL_STIFFNESS_AFTER_MOVEMENTS = 0.12
 # Standard errors of a correlation that chance does not reach in one of 700 recordings.
 _SERIAL_ERRORS = 3.0

@@ -30,6 +30,10 @@ from model_discrepancy.recording.motion import ACTIVATION_HZ, Motion
 ROUNDS = 4
 # Of the whitened residual, that the stiffness takes off. What gains less is no better course.
 LEAST_IMPROVEMENT = 0.005
+# Share of the movements that begin from rest, above which responses lie apart. In a binary sequence
+# half or three quarters do, and the responses of the others made a joint of constant stiffness seem
+# to follow torque.
+LEAST_RESTED = 0.9
 
 
 def shown_share(position: np.ndarray, follows: float, centre: float) -> np.ndarray:
@@ -110,7 +114,10 @@ def following(fitter: Fitter, fit: Fit) -> tuple[Motion, float]:
         held, shown, gained = course, next_shown, gain
     _, known = _stiffness_that_follows(fitter, fit, motion.activation - mean, basis)
     restless = not begins_from_rest(fitter.columns)
-    steady = without_response_sizes(fitter.columns, fit.values, left) if restless else left
+    # Just before a movement that follows another one closely, the response to that one, which
+    # varies, is under way, and it lasts on.
+    overlap = not begins_from_rest(fitter.columns, LEAST_RESTED)
+    steady = without_response_sizes(fitter.columns, fit.values, left) if overlap else left
     better = replace(
         motion,
         activation=mean + held,

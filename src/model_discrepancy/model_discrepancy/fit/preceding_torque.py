@@ -5,8 +5,8 @@ stretch, a term that follows slow torque seems to predict them, because it follo
 that it predicts. What was held before a movement began holds nothing of its response.
 
 Where movements follow each other without rest, that holds the responses to the movements before,
-and their sizes. What the sizes make of the torque is taken off first (`response_sizes`), and the
-window holds two or three of these responses.
+and their sizes. What the sizes make of the torque is taken off first (`response_sizes`). Where most
+movements do, the window holds two or three of these responses.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def preceding_torque(
         Of the recording.
     left
         What the base model leaves of the torque [N.m], shape (n,), at the motion's rate; where
-        movements follow each other without rest, without what the sizes of responses make of it.
+        some movements do not begin from rest, without what the sizes of responses make of it.
     shown
         Share of the torque that the joint shows [1], shape (n,); None: all of it.
 

@@ -5,12 +5,18 @@ from the residual of a fit.
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import toeplitz
+from scipy.signal import correlate
 
 from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.movements import find_onsets
-from model_discrepancy.fit.reflex_variation import ReflexVariation, spread_beyond_noise
+from model_discrepancy.fit.reflex_variation import (
+    ReflexVariation,
+    moved_from_rest,
+    spread_beyond_noise,
+)
 
 # Muscles that stiffen after a startle, or let go, begin 80 to 120 ms after the movement and do so
 # for a quarter of a second (Brown et al., Brain 114 (1991) 1891).
@@ -51,13 +57,16 @@ def stiffness_variation(
     torque = rows.whitened(mean * spectrum)
     length = int(_PIECE_S * rows.rate)
     kept = rows.count // length * length
-    whole = rows.used[:kept].reshape(-1, length).all(axis=1)
+    # The reflex of an earlier movement, which varies, would count as a stiffness that does.
+    single = rows.used & moved_from_rest(fitter)
+    whole = single[:kept].reshape(-1, length).all(axis=1)
     own, left = (signal[:kept].reshape(-1, length)[whole] for signal in (torque, reflex.residual))
     power = np.sum(own**2, axis=1)
     if np.count_nonzero(power) < _FEWEST_PIECES:
         return None
     own, left, power = own[power > 0.0], left[power > 0.0], power[power > 0.0]
-    return _spread(np.sum(own * left, axis=1) / power, power, reflex.residual[rows.used])
+    size = np.sum(own * left, axis=1) / power
+    return _spread(size, power, _noise_along(own, reflex.residual[rows.used]))
 
 
 def _is_known(fit: Fit, reflex: ReflexVariation, mean: float) -> bool:
@@ -65,12 +74,28 @@ def _is_known(fit: Fit, reflex: ReflexVariation, mean: float) -> bool:
     return reflex.apart and mean > 0.0 and "stiffness" in fit.values
 
 
-def _spread(
-    size: np.ndarray, power: np.ndarray, residual: np.ndarray
-) -> tuple[float, float] | None:
-    """Return the spread of sizes about their mean beyond what noise like the residual makes."""
-    noise = float(np.mean(residual**2))
+def _spread(size: np.ndarray, power: np.ndarray, noise: float) -> tuple[float, float] | None:
+    """Return the spread of sizes about their mean beyond what noise makes."""
     return spread_beyond_noise(size - np.average(size, weights=power), power, noise)
+
+
+def _noise_along(own: np.ndarray, residual: np.ndarray) -> float:
+    """Return the mean power of the noise along given shapes.
+
+    The rows reach beyond the frequencies of the fit, and slow torque is whitened roughly only:
+    successive rows are alike, and noise along a smooth shape is more than that of a single row.
+
+    Parameters
+    ----------
+    own
+        The shapes, shape (k, length).
+    residual
+        What a model leaves, shape (n,).
+    """
+    length = own.shape[1]
+    lags = correlate(residual, residual, method="fft")[len(residual) - 1 :][:length] / len(residual)
+    along = np.einsum("kl,lm,km->k", own, toeplitz(lags), own)
+    return float(np.mean(along / np.sum(own**2, axis=1)))
 
 
 def stiffness_after_movements(
@@ -97,28 +122,27 @@ def stiffness_after_movements(
         return None
     rows = fitter.rows
     onsets = _apart(find_onsets(fitter.columns).time)
+    single = rows.used & moved_from_rest(fitter)
     torque = rows.whitened(rows.spectrum(mean * _angle_after(fitter.columns, onsets)))
-    size, power = [], []
+    size, power, shapes = [], [], []
     for begin in onsets + _BEGIN_S:
         first, last = int(begin * rows.rate), int((begin + _LENGTH_S + _TAIL_S) * rows.rate)
         own, left = torque[first:last], reflex.residual[first:last]
-        if last <= rows.count and rows.used[first:last].all() and (known := float(own @ own)) > 0.0:
+        if last <= rows.count and single[first:last].all() and (known := float(own @ own)) > 0.0:
             size.append(float(own @ left) / known)
             power.append(known)
+            shapes.append(own)
     if len(size) < _FEWEST_MOVEMENTS:
         return None
-    return _spread(np.array(size), np.array(power), reflex.residual[rows.used])
+    length = min(len(own) for own in shapes)
+    noise = _noise_along(np.array([own[:length] for own in shapes]), reflex.residual[rows.used])
+    return _spread(np.array(size), np.array(power), noise)
 
 
 def _apart(onsets: np.ndarray) -> np.ndarray:
-    """Return the times of movements [s] of which none begins while the time after another lasts; of
-    two such movements the first one.
-    """
-    kept: list[float] = []
-    for onset in onsets:
-        if not kept or onset - kept[-1] > _LENGTH_S + _TAIL_S:
-            kept.append(float(onset))
-    return np.array(kept)
+    """Return the times of movements [s] of which none begins while the time after another lasts."""
+    far = np.diff(onsets, append=np.inf) > _LENGTH_S + _TAIL_S
+    return onsets[far]
 
 
 def _angle_after(columns: Columns, onsets: np.ndarray) -> np.ndarray:

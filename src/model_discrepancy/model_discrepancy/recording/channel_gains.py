@@ -9,12 +9,20 @@ import numpy as np
 from model_discrepancy.recording.encoder_backlash import encoder_gap, motion_without_backlash
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.servo import Servo
+from model_discrepancy.recording.spectrum import white_density
+from model_discrepancy.recording.velocity_coupling import coupling_corner
 
 # Encoders and amplifiers are calibrated to better than this; three standard errors are asked for as
 # well.
 LEAST_GAIN_ERROR = 0.03
 LEAST_LAG_S = 0.001
+# Power of the movement over that of the encoder's noise: less than this bends a gain by 1 %, a
+# third of the least that is found.
+_LEAST_CLEARNESS = 100.0
+# Parts of the recording that tell how much a gain scatters.
+_FEWEST_PARTS = 3
 SENSOR, BACKLASH = "position sensor", "backlash"
+VELOCITY_COUPLING = "velocity_coupling"
 VELOCITY_GAIN, POSITION_GAIN, CHANNEL_GAIN = "velocity_gain", "position_gain", "channel_gain"
 
 
@@ -25,8 +33,8 @@ class Finding:
     Attributes
     ----------
     name
-        ``velocity_gain``, ``position_gain``, ``channel_gain`` (one of the two), ``velocity_lag`` or
-        ``backlash`` (of the encoder).
+        ``velocity_gain``, ``position_gain``, ``channel_gain`` (one of the two), ``velocity_lag``,
+        ``velocity_coupling`` or ``backlash`` (of the encoder).
     location
         Place in the signal path.
     parameters
@@ -60,6 +68,13 @@ def channel_findings(recording: Recording, servo: Servo | None = None) -> list[F
     """
     if recording.velocity is None:
         return []
+    corner = coupling_corner(recording)
+    if corner is not None:
+        sentence = (
+            f"The velocity channel does not pass movement slower than {corner[0]:.2g} Hz: a "
+            "coupling by a capacitor, or a filter."
+        )
+        return [Finding(VELOCITY_COUPLING, SENSOR, {"corner[Hz]": corner}, sentence)]
     gap = encoder_gap(recording)
     if gap is not None:
         # Backlash also shrinks and delays what position reads; one error, not three.
@@ -68,9 +83,7 @@ def channel_findings(recording: Recording, servo: Servo | None = None) -> list[F
             "between shaft and encoder."
         )
         return [Finding(BACKLASH, SENSOR, {"gap[rad]": gap}, sentence)]
-    gain, gain_error, lag, lag_error = _gain_and_lag(
-        recording.position, recording.velocity, recording.rate, derivative=True
-    )
+    gain, gain_error, lag, lag_error = _gain_and_lag(recording)
     found = []
     if abs(gain - 1.0) > max(LEAST_GAIN_ERROR, 3 * gain_error):
         found.append(_disagreement(gain, gain_error, servo))
@@ -127,34 +140,39 @@ def _disagreement(gain: float, error: float, servo: Servo | None) -> Finding:
     )
 
 
-def _gain_and_lag(
-    x: np.ndarray, y: np.ndarray, rate: float, derivative: bool
-) -> tuple[float, float, float, float]:
-    """Return the gain and lag of y against x (or its derivative) from the cross-spectrum in 1-25
-    Hz, with standard errors over ten parts.
+def _gain_and_lag(recording: Recording) -> tuple[float, float, float, float]:
+    """Return the gain and lag of velocity against the derivative of position from their
+    cross-spectrum in 1-25 Hz, with standard errors over ten parts; infinite ones where fewer than
+    `_FEWEST_PARTS` of these hold a clear movement.
     """
-    parts = np.array_split(np.arange(len(x)), 10)
+    rate = recording.rate
+    assert recording.velocity is not None
+    derivative = np.gradient(recording.position) * rate
+    noise = white_density(recording.position, rate)
     gains, lags = [], []
-    for part in parts:
+    for part in np.array_split(np.arange(len(derivative)), 10):
         window = np.hanning(len(part))
         f = np.fft.rfftfreq(len(part), 1.0 / rate)
+        own, other = (
+            np.fft.rfft((signal[part] - signal[part].mean()) * window)
+            for signal in (derivative, recording.velocity)
+        )
+        own /= np.sinc(2.0 * f / rate) + 1e-12  # gain of a central difference
         inside = (f > 1.0) & (f < 25.0)
-        fx = np.fft.rfft((x[part] - x[part].mean()) * window)[inside] * (
-            2j * np.pi * f[inside] if derivative else 1.0
-        )
-        fy = np.fft.rfft((y[part] - y[part].mean()) * window)[inside]
-        cross = fy * np.conj(fx)
+        by_noise = 0.5 * noise * rate * float(window @ window) * (2.0 * np.pi * f) ** 2
+        inside &= np.abs(own) ** 2 > _LEAST_CLEARNESS * by_noise
+        if not inside.any():
+            continue
+        f, own, cross = f[inside], own[inside], (other * np.conj(own))[inside]
         # The lag is the slope of the phase, each frequency weighted by its power.
-        weight = np.abs(cross) * f[inside]
-        lag = -float(np.sum(weight * np.angle(cross)) / np.sum(weight * 2 * np.pi * f[inside]))
-        gains.append(
-            float(
-                np.real(np.sum(cross * np.exp(2j * np.pi * f[inside] * lag)))
-                / np.sum(np.abs(fx) ** 2)
-            )
-        )
+        weight = np.abs(cross) * f
+        lag = -float(np.sum(weight * np.angle(cross)) / np.sum(weight * 2 * np.pi * f))
+        aligned = cross * np.exp(2j * np.pi * f * lag)
+        gains.append(float(np.real(np.sum(aligned)) / np.sum(np.abs(own) ** 2)))
         lags.append(lag)
-    root = np.sqrt(len(parts))
+    if len(gains) < _FEWEST_PARTS:
+        return 1.0, np.inf, 0.0, np.inf
+    root = np.sqrt(len(gains))
     return (
         float(np.mean(gains)),
         float(np.std(gains) / root),

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.recording.channel_gains import Finding, channel_findings, trusted
@@ -11,6 +13,11 @@ from model_discrepancy.recording.motion import motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import faults
 from model_discrepancy.recording.servo import identify_servo
+
+STRANGE_COMMAND_SENTENCE = (
+    "the recorded command is not used: the position does not follow it, as if it were that of "
+    "another recording"
+)
 
 
 @dataclass(frozen=True)
@@ -53,5 +60,8 @@ def check(recording: Recording) -> Reading:
     """Check the channels of a recording."""
     if reasons := faults(recording):
         return Reading(recording, reasons, [], recording)
-    findings = channel_findings(recording, identify_servo(recording, motion_step(recording)))
+    servo = identify_servo(recording, motion_step(recording))
+    if servo is None and recording.reference is not None and np.ptp(recording.reference) > 0.0:
+        recording = replace(recording, notes=(*recording.notes, STRANGE_COMMAND_SENTENCE))
+    findings = channel_findings(recording, servo)
     return Reading(recording, [], findings, trusted(recording, findings))

@@ -13,7 +13,7 @@ import numpy as np
 from ankle_interfaces.saturation import saturation_sentences
 from ankle_physics.joint_profile import joint_in_force
 from model_discrepancy.recording.recording import Recording
-from model_discrepancy.recording.spectrum import band
+from model_discrepancy.recording.spectrum import band, white_density
 from model_discrepancy.recording.torque_relation import LARGEST_SKEW_S, SHIFTS_S, relation_faults
 
 # The paper's ensembles hold 100 responses in 60 s; a third of that is the least that gives bands.
@@ -33,6 +33,8 @@ SPIKE_BENDS, SPIKE_SPREADS, MOST_SPIKES = 40.0, 50.0, 3
 # [s] Around a sample in which the plate rests it moves by less than this share of its largest
 # movements.
 _AROUND_S, REST_SHARE = 0.01, 0.2
+# Power of a movement over that of the encoder's noise at a frequency that is compared.
+_LEAST_CLEARNESS = 10.0
 
 
 def faults(recording: Recording) -> list[str]:
@@ -147,11 +149,7 @@ def _movement_faults(recording: Recording) -> list[str]:
     if not found:
         found += _lost_torque(recording)
     if recording.velocity is not None and not found:
-        derived = np.gradient(recording.position) * recording.rate
-        v, d = (
-            band(recording.velocity, recording.rate, 1.0, 30.0),
-            band(derived, recording.rate, 1.0, 30.0),
-        )
+        v, d = _clear_velocities(recording, recording.velocity)
         lag, strength = _best_lag(v, d, recording.rate)
         gain = float(v @ d / (d @ d))
         if strength < -0.5:
@@ -171,6 +169,23 @@ def _movement_faults(recording: Recording) -> list[str]:
     return found
 
 
+def _clear_velocities(recording: Recording, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the velocity channel and the derivative of position, each shape (n,), at frequencies
+    of 0.2 to 30 Hz where the movement is clearer than the encoder's noise, which a derivative
+    magnifies; at all above 1 Hz where it is clear nowhere.
+    """
+    rate, count = recording.rate, len(velocity)
+    f = np.fft.rfftfreq(count, 1.0 / rate)
+    own, other = (
+        np.fft.rfft(signal - signal.mean())
+        for signal in (np.gradient(recording.position) * rate, velocity)
+    )
+    noise = 0.5 * white_density(recording.position, rate) * rate * count * (2.0 * np.pi * f) ** 2
+    clear = (f > 0.2) & (f < 30.0) & (np.abs(own) ** 2 > _LEAST_CLEARNESS * noise)
+    kept = clear if clear.any() else (f > 1.0) & (f < 30.0)
+    return np.fft.irfft(other * kept, count), np.fft.irfft(own * kept, count)
+
+
 def _lost_torque(recording: Recording) -> list[str]:
     """Return a sentence on windows in which the foot moves and the torque no longer follows."""
     size = int(_WINDOW_S * recording.rate)
@@ -183,9 +198,9 @@ def _lost_torque(recording: Recording) -> list[str]:
         )
         for channel in (recording.position, recording.torque)
     )
-    lost = (moved > 0.5 * np.median(moved)) & (
-        measured < DEAD_SHARE * np.percentile(measured, 90.0)
-    )
+    # Where movements are rare, the foot rests in most windows.
+    usual = max(np.percentile(moved, 90.0), 0.2 * moved.max())
+    lost = (moved > 0.5 * usual) & (measured < DEAD_SHARE * np.percentile(measured, 90.0))
     if lost.sum() < 2:
         return []
     return [

@@ -45,6 +45,9 @@ _FADE_S = 0.4
 # Of the torque's power, above which it acts: where its sensor's noise is more than a tenth of it,
 # that noise would be put into the movement, and a fit would find it there and in the torque.
 _ACTING_SHARE = 0.9
+# Of the position's variance, which the command explains by itself. A plate that a command
+# moves follows it to nine tenths and more; the command of another recording explains nothing.
+_LEAST_COMMANDED = 0.3
 # Reflexes, tremor and voluntary torque lie below [Hz].
 _LOWEST_TORQUE_HZ = 20.0
 
@@ -95,7 +98,8 @@ class Servo:
 
 
 def identify_servo(recording: Recording, step: int) -> Servo | None:
-    """Identify the servo of a recording; None where no command was recorded or it does not move.
+    """Identify the servo of a recording; None where no command was recorded, where it does not
+    move, and where it does not move the plate.
 
     Parameters
     ----------
@@ -120,10 +124,13 @@ def identify_servo(recording: Recording, step: int) -> Servo | None:
         servo = _fitted(x, following, giving, rate, limit, lines)
         if servo is not None and (best is None or servo.information < best[0].information):
             best = servo, following
-    if best is None or best[0].compliance.significant:
-        return None if best is None else best[0]
+    if best is None:
+        return None
+    alone = _fitted(x, best[1], np.zeros((len(x), 0)), rate, limit, lines)
+    if alone is None or alone.share < _LEAST_COMMANDED:
+        return None
     # A compliance that is not there would only carry the torque's noise into the position.
-    return _fitted(x, best[1], np.zeros((len(x), 0)), rate, limit, lines)
+    return best[0] if best[0].compliance.significant else alone
 
 
 def _acting_limit(recording: Recording) -> float:

@@ -100,7 +100,9 @@ def conclude(
         verdict.reasons.append(EMG_SENTENCE)
     verdict.recording = _conditions(recording, problem.fitter, found.final)
     if verdict.verdict == "unexplained":
-        _describe_missing(verdict, criticism.block)
+        verdict.reasons.append(criticism.missing)
+        if criticism.block is not None:
+            _describe_missing(verdict, criticism.block)
     return verdict
 
 
@@ -133,7 +135,8 @@ def _verdict(
         for place, effect in enumerate(named)
     ]
     effects += [finding_entry(finding) for finding in findings]
-    reasons = separating_measurements(effects)
+    reasons = [*criticism.varies.unusual, *criticism.varies.unsteady]
+    reasons += separating_measurements(effects)
     reasons += [f"{name} ended at the bound of its range" for name in held.final.at_bounds]
     if reflex_at_bound(held.final):
         reasons.append(REFLEX_SENTENCE)
@@ -149,7 +152,6 @@ def _verdict(
         reasons.append(TIME_SENTENCE)
     if named == found.effects and criticism.stated is not found.final:
         reasons.append(PLAIN_SENTENCE)
-    reasons += [*criticism.varies.unusual, *criticism.varies.unsteady]
     at = operating_point(fitter.motion, base_map.onsets)
     if named != found.effects:
         reasons.append(_unused_names(found, at))
@@ -300,17 +302,10 @@ def _conditions(recording: Recording, fitter: Fitter, final: Fit) -> dict[str, A
     }
 
 
-def _describe_missing(verdict: Verdict, block: MissingBlock | None) -> None:
+def _describe_missing(verdict: Verdict, block: MissingBlock) -> None:
     """Put the missing block into the verdict; without effects its place is the place of the
     mismatch.
     """
-    if block is None:
-        verdict.reasons.append(
-            "the recording is too short to describe the missing block (six stretches of 5 s are "
-            "needed)"
-        )
-        return
     verdict.localisation["missing_block"] = block.content()
-    verdict.reasons.append(block.sentence)
     if not verdict.effects:
         verdict.localisation["path"] = block.place
