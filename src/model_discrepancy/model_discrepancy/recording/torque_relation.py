@@ -75,10 +75,17 @@ def relation_faults(recording: Recording) -> list[str]:
     positive = np.array([model[0] > 0 for model in models])
     best = int(np.argmax(np.where(positive | near, vafs, -1.0)))
     if vafs[best] < LEAST_VAF:
-        return [
+        reason = (
             f"movement explains {100 * max(vafs[best], 0.0):.0f} % of the torque (3-40 Hz); at "
             f"least {100 * LEAST_VAF:g} % expected"
-        ]
+        )
+        joint = joint_in_force()
+        if np.std(x) < joint.smallest_movement:
+            reason += (
+                f", but the movement is slow: {1000 * np.std(x):.2g} m{joint.position_unit} rms "
+                "above 3 Hz, which neither inertia nor reflex answers; steps or pulses are needed"
+            )
+        return [reason]
     if (
         not near[best]
         and vafs[best] > max(vafs[inside], lagging_vaf) + 0.05
