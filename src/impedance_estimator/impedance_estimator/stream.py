@@ -24,6 +24,7 @@ from impedance_estimator.rig_watch import RigWatch
 from impedance_estimator.settings import EstimatorSettings
 from impedance_estimator.simultaneous.doubt import DOUBT_THRESHOLD
 from impedance_estimator.validity import RATE_WINDOW
+from impedance_estimator.velocity_watch import VelocityWatch
 
 TOPIC, REFERENCE_TOPIC = ANKLE_SAMPLES.absolute, PERTURBATION_REFERENCE.absolute
 POSITION, VELOCITY, TORQUE = "position[rad]", "velocity[rad/s]", "torque[N.m]"
@@ -116,6 +117,8 @@ class EstimateStream:
         self._tracked_columns = () if known is None else tracked_columns(known)
         self._physics: KnownPhysicsStream | None = None
         self._rig_watch: RigWatch | None = None
+        self._velocity_watch: VelocityWatch | None = None
+        self._complaint = ""
         self.settings = make_estimator(algorithm, 1000.0, True, settings).settings
         self.estimator: Estimator | None = None
         self._waiting: list[np.ndarray] = []
@@ -131,6 +134,7 @@ class EstimateStream:
         reasons = [self.estimator.doubts]
         if self.known is not None and self.known.calibration_doubt >= DOUBT_THRESHOLD:
             reasons.append(UNCERTAIN_CALIBRATION)
+        reasons.append(self._complaint)
         return "; ".join(reason for reason in reasons if reason)
 
     @property
@@ -251,6 +255,8 @@ class EstimateStream:
             self.algorithm, rate, bool(self._measured_velocity), self.settings
         )
         self._samples = 0
+        self._complaint = ""
+        self._velocity_watch = VelocityWatch(rate) if self._measured_velocity else None
         parts.notes.append(
             f"{self.algorithm} at {rate:g} Hz, velocity "
             f"{'measured' if self._measured_velocity else 'from position'}"
@@ -273,10 +279,15 @@ class EstimateStream:
             parts.notes += self._rig_watch.add(piece)
         physics = self._physics
         rows = estimator.process(piece if physics is None else physics.correct(piece))
-        parts.rows.append(rows if physics is None else physics.complete(rows))
+        rows = rows if physics is None else physics.complete(rows)
+        if self._complaint:
+            rows[:, ESTIMATE_COLUMNS.index("doubt[1]")] = 1.0
+        parts.rows.append(rows)
         parts.torques.append(estimator.torques)
         used = estimator.consumed
         self._samples += used
+        if self._velocity_watch is not None:
+            self._velocity_watch.add(piece[:used])
         if estimator.rate_lost:
             parts.notes.append(
                 f"the sampling rate is no longer {estimator.rate:g} Hz: the estimator starts anew"
@@ -286,6 +297,9 @@ class EstimateStream:
             if physics is not None:
                 physics.restate()
                 parts.tracked.append(physics.tracked_row(float(parts.rows[-1][-1, 0])))
+            if self._velocity_watch is not None:
+                # Looked at when it is due by the samples' count, however the blocks are cut.
+                self._complaint = self._velocity_watch.complaint
             newest = float(parts.rows[-1][-1, 0])
             parts.responses.append((newest, estimator.reflex_response))
             reason = self.reason

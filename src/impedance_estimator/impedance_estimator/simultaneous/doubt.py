@@ -14,14 +14,14 @@ from impedance_estimator.compilation import part
 from impedance_estimator.simultaneous.regression import GAINS
 from impedance_estimator.simultaneous.state import State
 
-SIGNS = ("breadth", "disagreement", "structure", "imprecision")
+SIGNS = ("breadth", "disagreement", "structure", "imprecision", "negativity")
 
-LIMITS = np.array([15.0, 4.0, 1.0, 1.0])
+LIMITS = np.array([15.0, 4.0, 1.0, 1.0, 4.0])
 """Each of `SIGNS` has a limit: ln L by which a wider intrinsic response than that of inertia,
 viscosity and stiffness behind a delay makes the memory more likely (without a mismatch up to 12);
 difference of K or G between both halves of the memory over its standard error [1]; ln L that
 relaxation, yielding or powers of position gain, over `STRUCTURE_GAINS`; relative standard error of
-K or G over `LARGEST_ERRORS`.
+K or G over `LARGEST_ERRORS`; by how many standard errors K or I is negative.
 """
 STRUCTURE_GAINS = np.array([110.0, 80.0, 75.0])
 """ln L that relaxation, yielding, and powers of position must gain. Without a mismatch the
@@ -45,7 +45,9 @@ _SENTENCES = (
     "both halves of the memory disagree about K or G",
     "tissue relaxes, yields or hardens, or the reflex is not proportional to velocity",
     "the standard error of K is over 14 % or that of G over 12 %",
+    "K or I is negative (is the sign of torque or position right?)",
 )
+_STIFFNESS, _INERTIA = 0, 2
 
 
 def reasons(signs: np.ndarray) -> str:
@@ -54,7 +56,7 @@ def reasons(signs: np.ndarray) -> str:
     Parameters
     ----------
     signs
-        Shape (4,), in the order of `SIGNS`.
+        Shape (5,), in the order of `SIGNS`.
     """
     return "; ".join(
         sentence
@@ -95,11 +97,15 @@ def judge(s: State) -> None:
     standard errors; the largest sign counts.
     """
     c = s.counters[0]
-    s.signs[3] = 0.0
+    s.signs[3:] = 0.0
     for k, output in enumerate((0, GAINS - 1)):
         scatter = max(s.scatter[c.model, output], 1.0)
         error = np.sqrt(c.variance * scatter * s.output[1, output])
         relative = error / max(abs(s.output[0, output]), 1e-6)
         s.signs[3] = max(s.signs[3], relative / LARGEST_ERRORS[k])
+    for output in (_STIFFNESS, _INERTIA):
+        scatter = max(s.scatter[c.model, output], 1.0)
+        error = np.sqrt(c.variance * scatter * s.output[1, output])
+        s.signs[4] = max(s.signs[4], -s.output[0, output] / max(error, 1e-12))
     c.doubt = _doubt(np.max(s.signs / LIMITS))
     s.model_error[:] = MODEL_ERROR + DOUBTED_ERROR * c.doubt
