@@ -63,8 +63,7 @@ USUAL_REFLEX_JITTER = 0.004
 # Where they do not, and differ by more than this, the reflex is turned down and up again.
 MATERIAL_REFLEX_COURSE = 0.2
 # In 58 recordings of the independent rig without a mismatch the stiffness varies by up to 5.4 %,
-# and by 4 to 11 % in those with startles that are not pulses. Two human trials show 8 and 40 %,
-# beside effects that are named.
+# and by 4 to 11 % in those with startles that are not pulses.
 USUAL_STIFFNESS_VARIATION = 0.08
 # A tenth to a third of a second after movements it differed from one to the next by 0 to 8.1 % in
 # the same recordings, and by 14 to 44 % in 10 with startles.
