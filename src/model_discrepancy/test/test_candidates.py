@@ -11,6 +11,7 @@ from model_discrepancy.search.term_search import search
 from simulation_study.planted_trials import simulate_trial
 
 
+@pytest.mark.slow
 def test_a_late_reflex_is_found_where_the_first_response_was_drawn_out():
     """From the base model's own values a fit ends where the first response holds most of it."""
     planted = {

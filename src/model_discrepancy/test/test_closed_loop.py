@@ -94,6 +94,7 @@ def test_a_recording_with_friction_on_a_servo_that_gives_way_is_explained(monkey
         assert beside_friction(prepare(recording))[0] > 0.09
 
 
+@pytest.mark.slow
 def test_no_other_mismatch_is_taken_for_friction(monkeypatch):
     """The movement is then the same as if nobody had looked for friction."""
     model = Model.of(

@@ -48,6 +48,7 @@ def test_straps_on_a_servo_that_gives_way_are_found_as_they_are():
     assert found["b_s"] == pytest.approx(STRAPS["b_s"], rel=0.06)
 
 
+@pytest.mark.slow
 def test_physics_that_the_base_model_lacks_is_no_torque_that_moved_the_plate(monkeypatch):
     """Nobody pushes in this recording, so that the plate moved as it was measured."""
     model = Model.of(

@@ -161,6 +161,7 @@ def test_what_the_torque_sensors_noise_did_not_move_is_not_taken_out_of_the_move
     assert predicted_of_the_residual(problem) < 0.02
 
 
+@pytest.mark.slow
 def test_torque_that_is_noise_does_not_seem_to_move_the_plate():
     """A sum of sines of 0.1 to 20 Hz leaves noise alone above."""
     problem = prepare(noisy_recording("multisine"))

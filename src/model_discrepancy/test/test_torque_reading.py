@@ -87,6 +87,7 @@ def test_a_mode_of_the_sensor_moves_no_plate(ringing):
     assert left[0] > left[1] + 0.03
 
 
+@pytest.mark.slow
 def test_a_mode_of_the_sensor_on_a_servo_that_gives_way_is_named(ringing):
     library = ["torque_sensor_mode", "partial_sensor_mode", "channel_skew"]
     found = diagnose(ringing, library=library)
@@ -96,6 +97,7 @@ def test_a_mode_of_the_sensor_on_a_servo_that_gives_way_is_named(ringing):
     assert found.problem.reading.sensor
 
 
+@pytest.mark.slow
 def test_several_recordings_know_what_the_sensor_does_once_it_is_found(ringing, monkeypatch):
     """What one of them tells serves the next one, too, and is not asked again."""
     visits = [ringing, replace(ringing, name="again")]

@@ -57,6 +57,7 @@ def test_a_late_reflex_comes_after_the_movement_and_an_asymmetry_with_it(recordi
     assert lag("late_reflex") > 80
 
 
+@pytest.mark.slow
 def test_what_is_planted_is_drawn_again(recording):
     planted = plant_effect(recording, "maxwell", 7).recording
     assert np.array_equal(planted.torque, plant_effect(recording, "maxwell", 7).recording.torque)

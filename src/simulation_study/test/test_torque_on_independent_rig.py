@@ -36,6 +36,7 @@ def _correlation(course, done, rate):
     return np.corrcoef(course, true)[0, 1]
 
 
+@pytest.mark.slow
 def test_the_course_of_a_stiffness_that_follows_torque_is_found_on_the_independent_rig(monkeypatch):
     # [s] Enough for a course below 0.7 Hz; the search for the effect's size runs the trial often.
     monkeypatch.setattr(verdict_cases, "DURATION_S", 25.0)

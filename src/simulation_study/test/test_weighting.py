@@ -22,6 +22,7 @@ def test_recordings_are_counted_by_what_is_stated_of_them():
     assert text.index("| c |") < text.index("| a |") < text.index("| b |")
 
 
+@pytest.mark.slow
 def test_a_recording_is_fitted_in_both_ways():
     plan = next(p for p in ordered({"effect": 30}, 5, []) if "torque_delay" in p.name)
     found = compare(plan)
