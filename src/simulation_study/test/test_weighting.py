@@ -1,5 +1,7 @@
 """The comparison of whitened and plain fits counts what lies nearer to the truth."""
 
+import pytest
+
 from simulation_study.verdict_study import ordered
 from simulation_study.weighting import Compared, compare, report
 
