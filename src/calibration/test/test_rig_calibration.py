@@ -267,6 +267,7 @@ EMPTY = replace(
 )
 
 
+@pytest.mark.slow
 def test_a_spring_adds_what_it_shows_to_the_file_of_the_empty_plate(bag):
     found = calibrate_rig(bag, load=KnownLoad(spring=SPRING), beside=EMPTY)
     sag = found.rig.model.entry("servo_compliance")

@@ -74,6 +74,7 @@ def recorded(model: Model) -> Recording:
     )
 
 
+@pytest.mark.slow
 def test_a_recording_with_friction_on_a_servo_that_gives_way_is_explained(monkeypatch):
     """The base model has no friction: that it is there is seen at once."""
     model = Model.of(

@@ -19,6 +19,7 @@ PLATE, SERVO = 0.004, 2000.0
 STRAPS = {"k_s": 1000.0, "b_s": 1.4}
 
 
+@pytest.mark.slow
 def test_straps_on_a_servo_that_gives_way_are_found_as_they_are():
     """What they do to the torque, which moves the plate too, is no voluntary torque."""
     model = Model.of(

@@ -63,6 +63,7 @@ def open_set(*names):
     return OpenSet(names[0], models)
 
 
+@pytest.mark.slow
 def test_a_set_without_the_right_name_gives_way_to_what_all_recordings_say():
     """A sensor that rings was called a lag, or a stiffness of short range, in the first one."""
     recordings = [recording(1, 60.0, 0.0, seconds=20.0), recording(2, 90.0, 0.0, seconds=20.0)]

@@ -113,6 +113,7 @@ def test_several_recordings_know_what_the_sensor_does_once_it_is_found(ringing, 
     assert SEARCHED_AGAIN not in said
 
 
+@pytest.mark.slow
 def test_a_further_recording_is_judged_with_the_sensor_of_the_first(ringing):
     known = prepare(ringing, reading=TorqueReading(sensor={"torque_sensor_mode": MODE}))
     model = {**known.base.values, "torque_sensor_mode": MODE}

@@ -20,6 +20,7 @@ def trials(rigs):
     ]
 
 
+@pytest.mark.slow
 def test_an_interrupted_study_goes_on(tmp_path):
     out = tmp_path / "study"
     # The second trial fails; what was finished before it stays.
