@@ -6,19 +6,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from model_discrepancy.recording.clear_movement import clear_spectra
 from model_discrepancy.recording.encoder_backlash import encoder_gap, motion_without_backlash
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.servo import Servo
-from model_discrepancy.recording.spectrum import white_density
 from model_discrepancy.recording.velocity_coupling import coupling_corner
 
 # Encoders and amplifiers are calibrated to better than this; three standard errors are asked for as
 # well.
 LEAST_GAIN_ERROR = 0.03
 LEAST_LAG_S = 0.001
-# Power of the movement over that of the encoder's noise: less than this bends a gain by 1 %, a
-# third of the least that is found.
-_LEAST_CLEARNESS = 100.0
+_COMPARED_HZ = (1.0, 25.0)
 # Parts of the recording that tell how much a gain scatters.
 _FEWEST_PARTS = 3
 SENSOR, BACKLASH = "position sensor", "backlash"
@@ -145,25 +143,13 @@ def _gain_and_lag(recording: Recording) -> tuple[float, float, float, float]:
     cross-spectrum in 1-25 Hz, with standard errors over ten parts; infinite ones where fewer than
     `_FEWEST_PARTS` of these hold a clear movement.
     """
-    rate = recording.rate
     assert recording.velocity is not None
-    derivative = np.gradient(recording.position) * rate
-    noise = white_density(recording.position, rate)
     gains, lags = [], []
-    for part in np.array_split(np.arange(len(derivative)), 10):
-        window = np.hanning(len(part))
-        f = np.fft.rfftfreq(len(part), 1.0 / rate)
-        own, other = (
-            np.fft.rfft((signal[part] - signal[part].mean()) * window)
-            for signal in (derivative, recording.velocity)
-        )
-        own /= np.sinc(2.0 * f / rate) + 1e-12  # gain of a central difference
-        inside = (f > 1.0) & (f < 25.0)
-        by_noise = 0.5 * noise * rate * float(window @ window) * (2.0 * np.pi * f) ** 2
-        inside &= np.abs(own) ** 2 > _LEAST_CLEARNESS * by_noise
-        if not inside.any():
+    for part in np.array_split(np.arange(len(recording.position)), 10):
+        f, own, other = clear_spectra(recording, recording.velocity, part, _COMPARED_HZ)
+        if not len(f):
             continue
-        f, own, cross = f[inside], own[inside], (other * np.conj(own))[inside]
+        cross = other * np.conj(own)
         # The lag is the slope of the phase, each frequency weighted by its power.
         weight = np.abs(cross) * f
         lag = -float(np.sum(weight * np.angle(cross)) / np.sum(weight * 2 * np.pi * f))
