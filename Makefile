@@ -21,7 +21,7 @@ COLCON_PACKAGES ?=
 
 help:
 	@echo "make demo    set up, then run the laboratory once on a simulated and on real ankles (about 7 minutes)"
-	@echo "make test    set up, lint, type-check and test (about 8 minutes on two cores)"
+	@echo "make test    set up, lint, type-check and test (about 10 minutes on two cores)"
 	@echo "make test-slow      the long tests as well"
 	@echo "make test-colcon    the tests that only compute, through colcon, as on a Jazzy install"
 	@echo "make test-pythons   make test with each of Python $(PYTHONS) that is installed"

@@ -88,12 +88,14 @@ def test_the_report_of_a_recording_has_no_words_over_one_another(browser, record
     assert problems(browser, recording / "estimates" / "report.html") == {}
 
 
+@pytest.mark.slow
 def test_the_page_of_a_recording_has_no_words_over_one_another(browser, recording):
     bag, estimates = recording / "bag", recording / "estimates"
     page = write_recording_page(bag, recording / "bag.html", None, estimates)
     assert problems(browser, page) == {}
 
 
+@pytest.mark.slow
 def test_the_report_of_a_study_has_no_words_over_one_another(browser, tmp_path):
     failures = {"sub-S04_ses-01_run-01": f"no samples in {LONG_NAME}"}
     page = write_study_report(study_rows(), failures, tmp_path / "report.html", "A study")

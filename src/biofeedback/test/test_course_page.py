@@ -100,6 +100,7 @@ def test_a_finished_session_says_what_follows(open_state):
     share.filter(has_text="done and kept. The next session of the course").wait_for()
 
 
+@pytest.mark.slow
 def test_no_value_of_a_course_is_cut_at_any_width(open_state):
     wrong = {}
     for width, height in (*SIZES, (1280, 720)):
@@ -115,8 +116,18 @@ def test_no_value_of_a_course_is_cut_at_any_width(open_state):
     ("language", "rate", "hits"),
     [
         ("en", "Success in 67 % of the trials", "5 of 6 reached (83 %)"),
-        ("nl", "Gelukt bij 67 % van de pogingen", "5 van 6 gehaald (83 %)"),
-        ("de", "Gelungen bei 67 % der Versuche", "5 von 6 erreicht (83 %)"),
+        pytest.param(
+            "nl",
+            "Gelukt bij 67 % van de pogingen",
+            "5 van 6 gehaald (83 %)",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            "de",
+            "Gelungen bei 67 % der Versuche",
+            "5 von 6 erreicht (83 %)",
+            marks=pytest.mark.slow,
+        ),
         ("fr", "Réussite dans 67 % des essais", "5 sur 6 atteints (83 %)"),
     ],
 )

@@ -20,6 +20,10 @@ CANVAS_WORDS = (Path(__file__).parent / "canvas_words.js").read_text()
 """Runs in a page before its own scripts, so that the check sees the words on canvases, too."""
 SIZES = ((3840, 2160), (1920, 1080), (1366, 768), (820, 1180), (390, 844), (844, 390))
 OPERATOR_SIZES = ((1920, 1080), (1366, 768), (1280, 720), (820, 1180), (390, 844))
+LARGEST_AND_SMALLEST = tuple(
+    size if size in (SIZES[0], SIZES[-2]) else pytest.param(*size, marks=pytest.mark.slow)
+    for size in SIZES
+)
 LANGUAGES = ("en", "nl", "de", "fr")
 SHOW = (Path(__file__).parent / "feed_view.js").read_text()
 
@@ -57,7 +61,7 @@ def cases():
         yield "reach", "", quality
 
 
-@pytest.mark.parametrize(("width", "height"), SIZES)
+@pytest.mark.parametrize(("width", "height"), LARGEST_AND_SMALLEST)
 def test_the_subjects_screen_in_every_language(open_sized, width, height):
     page = open_sized("/", width, height)
     wrong = {}

@@ -178,6 +178,7 @@ PAPER = 690
 """[px] Width of A4 within margins of 14 mm, at 96 px an inch."""
 
 
+@pytest.mark.slow
 @pytest.mark.live
 @pytest.mark.untimed
 def test_no_table_is_cut_on_a_screen_or_on_paper(browser, tmp_path):

@@ -98,12 +98,14 @@ def test_what_is_planted_is_the_term_itself_and_no_multiple_of_it(recording):
     assert _left(base) > 1.05 * left
 
 
+@pytest.mark.slow
 def test_a_reflex_that_is_changed_keeps_its_size(recording):
     planted = plant(recording, "reflex_threshold").recording
     before, after = (MeasuredTrial(one).base.values["reflex"]["G"] for one in (recording, planted))
     assert after == pytest.approx(before, rel=0.4)
 
 
+@pytest.mark.slow
 def test_a_term_that_hardly_shows_is_planted_no_larger_than_its_bound(recording):
     measured = MeasuredTrial(recording)
     gentle = 1e-3 * np.sign(measured.motion.velocity)
@@ -120,6 +122,7 @@ def test_slow_torque_is_no_strength(recording):
     assert measured.unseen(fast) == pytest.approx(math.sqrt(0.5), rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_rhythm_of_stiffness_acts_about_the_angle_at_which_the_trial_was_recorded(recording):
     away = replace(recording, position=recording.position + 0.15)
     here, there = (plant(one, "cyclic_stiffness") for one in (recording, away))

@@ -44,6 +44,7 @@ def test_the_plate_follows_the_measured_angle(recording):
     assert np.std(off - np.mean(off)) < 0.02 * np.std(measured)
 
 
+@pytest.mark.slow
 def test_a_late_reflex_comes_after_the_movement_and_an_asymmetry_with_it(recording):
     speed = np.abs(np.gradient(recording.position, 1.0 / RIG_RATE))[BEGUN]
 

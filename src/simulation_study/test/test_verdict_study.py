@@ -182,7 +182,10 @@ def made_once():
         yield make
 
 
-@pytest.mark.parametrize("name", ["late_reflex", "stiffness_follows_torque"])
+@pytest.mark.parametrize(
+    "name",
+    ["late_reflex", pytest.param("stiffness_follows_torque", marks=pytest.mark.slow)],
+)
 def test_an_effect_is_as_strong_in_this_subject_as_it_is_said_to_be(name, made_once):
     _, case = made_once(name)
     assert case.shares[name] == pytest.approx(STRENGTHS["moderate"], rel=0.5)
