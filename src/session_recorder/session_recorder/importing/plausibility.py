@@ -4,7 +4,8 @@ An ankle is a body part of known size. Its range of movement, strength, inertia 
 room for every subject, but not for a factor of 57 (degrees) or 1000 (millinewton-metres), and
 inertia and stiffness are positive. They are estimated around fast movements by least squares of
 
-    torque = I acceleration + B velocity + K position        (paper, figure 1: the intrinsic part)
+    torque(t) = I acceleration(t) + B velocity(t) + K position(t)            (paper, figure 1)
+              + sum over lags of reflexes to stretches at t - lag of either direction
 
 with every signal band-passed alike, in segments whose scatter gives the uncertainty.
 """
@@ -35,6 +36,10 @@ INERTIA_RANGE = (0.002, 0.25)  # kg.m^2
 STIFFNESS_RANGE = (2.0, 2000.0)  # N.m/rad
 # Below 5 Hz voluntary torque dominates, above 40 Hz the noise of differentiated positions.
 BAND = (5.0, 40.0)  # Hz
+# A reflex arc takes 40 ms or more, and its torque has gone after 300 ms. Strong reflexes of a
+# relaxed ankle turn the sign of the stiffness around in this band where they are not beside it. The
+# band resolves 12 ms, and steps of 30 ms let a reflex take the stiffness of a relaxed ankle away.
+REFLEX_LAGS = np.arange(0.04, 0.3, 0.02)  # s
 SEGMENT = 2.0  # s; ten periods of the band's lower edge
 FEWEST_SEGMENTS = 4
 # Standard errors from zero before a sign counts as known.
@@ -168,28 +173,43 @@ def intrinsic(rate: float, position: np.ndarray, torque: np.ndarray) -> Intrinsi
     less than `MIN_EXPLAINED_SHARE` of the torque.
     """
     estimates, weights, left, total = [], [], 0.0, 0.0
-    for x, y in segments(rate, position, torque):
+    for x, y, *reflexes in segments(rate, position, torque, *_reflexes(rate, position)):
         velocity = np.gradient(x, 1 / rate)
-        regressors = np.column_stack([np.gradient(velocity, 1 / rate), velocity, x])
-        scale = np.sqrt(np.mean(regressors**2, axis=0))
-        if not (scale > 0).all():
+        moved = np.column_stack([np.gradient(velocity, 1 / rate), velocity, x])
+        scale = np.sqrt(np.mean(moved**2, axis=0))
+        if not (scale > 0).all() or np.linalg.matrix_rank(moved / scale, tol=1e-6) < 3:
             continue
-        solution, _, rank, _ = np.linalg.lstsq(regressors / scale, y, rcond=1e-6)
-        if rank < 3:
-            continue
-        estimates.append(solution / scale)
+        regressors = np.column_stack([moved / scale, *reflexes])
+        solution, *_ = np.linalg.lstsq(regressors, y, rcond=1e-6)
+        estimates.append(solution[:3] / scale)
         weights.append(float(np.mean(x**2)))
-        left += float(np.sum((y - regressors @ estimates[-1]) ** 2))
+        left += float(np.sum((y - regressors @ solution) ** 2))
         total += float(np.sum(y**2))
-    if len(estimates) < FEWEST_SEGMENTS or total == 0 or 1 - left / total < MIN_EXPLAINED_SHARE:
+    if len(estimates) < FEWEST_SEGMENTS or total == 0:
+        return None
+    # So many independent values has a segment in the band: regressors explain their share of noise.
+    values = 2.0 * (BAND[1] - BAND[0]) * (SEGMENT - 2.0 / BAND[0])
+    explained = 1.0 - left / total / (1.0 - (3 + 2 * len(REFLEX_LAGS)) / values)
+    if explained < MIN_EXPLAINED_SHARE:
         return None
     # A segment without a perturbation tells little: each counts by the movement in it.
     share = np.array(weights) / np.sum(weights)
     mean = share @ np.array(estimates)
     error = np.sqrt(share**2 @ (np.array(estimates) - mean) ** 2 * len(share) / (len(share) - 1))
-    return Intrinsic(
-        float(mean[0]), float(error[0]), float(mean[2]), float(error[2]), 1 - left / total
-    )
+    return Intrinsic(float(mean[0]), float(error[0]), float(mean[2]), float(error[2]), explained)
+
+
+def _reflexes(rate: float, position: np.ndarray) -> Iterator[np.ndarray]:
+    """Return stretches of either direction at each of `REFLEX_LAGS`, shape (n,), in units of the
+    fastest: which direction stretches the calf is not known yet.
+    """
+    velocity = np.gradient(position)
+    for direction in (1.0, -1.0):
+        stretch = np.maximum(direction * velocity, 0.0)
+        size = float(np.max(stretch, where=np.isfinite(stretch), initial=0.0))
+        for lag in np.round(REFLEX_LAGS * rate).astype(int):
+            before = np.zeros(min(lag, len(stretch)))
+            yield np.concatenate([before, stretch])[: len(stretch)] / (size or 1.0)
 
 
 def check_intrinsic(found: Intrinsic, stated_sign: str) -> list[str]:

@@ -1,0 +1,55 @@
+"""Sign and units of torque follow from an ankle whose reflexes are stronger than its stiffness."""
+
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfiltfilt
+
+from ankle_physics.model import Model
+from ankle_physics.virtual_rig import simulate
+from session_recorder.importing.plausibility import check_intrinsic, intrinsic
+
+RATE = 1000.0  # Hz
+RELAXED = {
+    "inertia": {"I": 0.014},
+    "viscosity": {},
+    "stiffness": {"K": 20.0},
+    "reflex": {"G": 14.0},
+}
+
+
+@pytest.fixture(scope="module")
+def relaxed():
+    """Position and torque under steps that a binary sequence draws, every 0.2 s."""
+    levels = np.random.default_rng(5).choice([-0.03, 0.03], 300)
+    steps = np.repeat(levels, int(0.2 * RATE))
+    position = sosfiltfilt(butter(2, 20.0, fs=RATE, output="sos"), steps)
+    velocity = np.gradient(position, 1 / RATE)
+    reference = np.column_stack([position, velocity, np.gradient(velocity, 1 / RATE)])
+    made = simulate(reference, RATE, Model.of({**RELAXED, "voluntary_torque": {}}), seed=3)
+    return made.position, made.torque
+
+
+def test_inertia_and_stiffness_are_those_of_the_ankle_and_not_of_its_reflexes(relaxed):
+    found = intrinsic(RATE, *relaxed)
+    assert found.inertia == pytest.approx(0.014, rel=0.1)
+    assert found.stiffness == pytest.approx(20.0, rel=0.25)
+    assert check_intrinsic(found, "rig") == []
+
+
+def test_torque_of_the_other_sign_is_found_beside_strong_reflexes(relaxed):
+    position, torque = relaxed
+    found = intrinsic(RATE, position, -torque)
+    assert "the torque's sign is not 'rig'" in check_intrinsic(found, "rig")[0]
+
+
+def test_an_ankle_that_moves_the_other_way_is_the_same_ankle(relaxed):
+    """Which direction stretches the calf is not known before the import."""
+    position, torque = relaxed
+    found = intrinsic(RATE, -position, -torque)
+    assert found.stiffness == pytest.approx(20.0, rel=0.25)
+
+
+def test_noise_is_not_explained_by_movement(relaxed):
+    position, _ = relaxed
+    noise = np.random.default_rng(7).standard_normal(len(position))
+    assert intrinsic(RATE, position, noise) is None
