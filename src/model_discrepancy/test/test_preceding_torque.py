@@ -9,11 +9,14 @@ from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.movements import find_onsets
 from model_discrepancy.fit.preceding_torque import (
+    BESIDE_GUARD_S,
+    BESIDE_WINDOW_S,
     GUARD_S,
     MIN_MOVEMENTS,
     RESTLESS_WINDOW_S,
     SHORTEST_REST_S,
     preceding_torque,
+    torque_beside,
 )
 from model_discrepancy.fit.response_sizes import single_responses, without_response_sizes
 from model_discrepancy.fit.rows import Rows
@@ -133,6 +136,32 @@ def test_without_rest_between_movements_too_only_what_follows_torque_exceeds_cha
     trial = _followed(made(plan).recording, name)
     assert trial.gain > trial.by_chance
     assert trial.exceeds_chance == follows
+
+
+def test_what_is_held_beside_a_moment_holds_nothing_of_that_moment():
+    rate, count = 500.0, 5000
+    far, near = ((BESIDE_GUARD_S + BESIDE_WINDOW_S) * rate, BESIDE_GUARD_S * rate)
+    pulse = np.zeros(count)
+    pulse[2500] = 1.0
+    beside = torque_beside(pulse, rate, np.ones(count))
+    away = np.abs(np.flatnonzero(beside > 1e-9) - 2500)
+    assert near <= away.min() + 1
+    assert away.max() <= far + 1
+    assert torque_beside(np.full(count, 3.0), rate, np.full(count, 2.0)) == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize(
+    ("hidden", "number", "follows"), [((), 64, False), (("reflex_follows_torque",), 0, True)]
+)
+def test_of_a_continuous_movement_only_a_reflex_that_follows_torque_exceeds_chance(
+    hidden, number, follows
+):
+    """The independent rig with a sum of sines, and a reflex that varies."""
+    conditions = dict(velocity=True, reference=True, noise="quiet", variability="large")
+    plan = Plan("effect", number, 68435725, hidden, "stiff", "multisine", 1000.0, **conditions)
+    recording = made(plan).recording
+    assert prepare(recording).fitter.motion.continuous
+    assert _followed(recording).exceeds_chance == follows
 
 
 def test_what_a_term_gains_without_rest_between_movements_counts_less():

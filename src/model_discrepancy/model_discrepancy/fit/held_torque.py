@@ -4,7 +4,9 @@ It is what the base model leaves of the torque, below a cut-off. A joint whose s
 that torque, by ``ka`` for each newton metre, shows ``w = 1 + ka * (x - xc)`` of it at the angle x.
 Where ka is large, as in a joint whose muscles contract together, the movement makes more slow
 torque than the muscles do. The course that fits best, ``sum(w * left) / sum(w ** 2)`` over a window
-about each moment, gives a better ka, and so on: alternating least squares.
+about each moment, gives a better ka, and so on: alternating least squares. Where the plate moves
+all the time, the window leaves the moment itself out: a reflex that varies would else seem to
+follow the slow torque that it makes.
 """
 
 from __future__ import annotations
@@ -14,13 +16,16 @@ from dataclasses import replace
 import numpy as np
 
 from ankle_physics.term import term_library
+from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.least_squares import bounded, orthonormal
 from model_discrepancy.fit.preceding_torque import (
     LEAST_POWER,
     begins_from_rest,
+    is_continuous,
     preceding_torque,
+    torque_beside,
 )
 from model_discrepancy.fit.response_sizes import without_response_sizes
 from model_discrepancy.fit.rows import Rows
@@ -78,6 +83,26 @@ def slow_torque(rows: Rows, left: np.ndarray, shown: np.ndarray) -> np.ndarray:
     )
 
 
+def held_torque(columns: Columns, left: np.ndarray, shown: np.ndarray) -> np.ndarray:
+    """Return the torque that the muscles hold about each moment.
+
+    Parameters
+    ----------
+    columns
+        Of the recording.
+    left, shown
+        As for `slow_torque`.
+
+    Returns
+    -------
+    np.ndarray
+        [N.m], shape (n,).
+    """
+    if is_continuous(columns):
+        return torque_beside(left, columns.motion.rate, shown)
+    return slow_torque(columns.rows, left, shown)
+
+
 def following(fitter: Fitter, fit: Fit) -> tuple[Motion, float]:
     """Return the motion with the torque that the muscles hold, and what they held before each
     movement; and the share of the whitened residual that this course gains beyond the present one,
@@ -100,29 +125,32 @@ def following(fitter: Fitter, fit: Fit) -> tuple[Motion, float]:
     fit = fitter.evaluate(
         {name: v for name, v in fit.values.items() if not term_library()[name].follows_torque}
     )
-    left, mean = rows.torque(fit.left), float(np.mean(motion.torque))
+    columns, mean = fitter.columns, float(np.mean(motion.torque))
+    left = rows.torque(fit.left)
     basis = orthonormal(fitter.derivatives(fit)[0][rows.used])
     centre = float(motion.position.mean())
     shown = np.ones(len(left))
-    held, gained, ka = slow_torque(rows, left, shown), -np.inf, 0.0
+    held, gained, ka = held_torque(columns, left, shown), -np.inf, 0.0
     for _ in range(ROUNDS):
         next_shown = shown_share(motion.position, ka, centre)
-        course = slow_torque(rows, left, next_shown)
+        course = held_torque(columns, left, next_shown)
         ka, gain = _stiffness_that_follows(fitter, fit, course, basis)
         if gain < gained + LEAST_IMPROVEMENT:
             break
         held, shown, gained = course, next_shown, gain
     _, known = _stiffness_that_follows(fitter, fit, motion.activation - mean, basis)
-    restless = not begins_from_rest(fitter.columns)
+    restless = not begins_from_rest(columns)
     # Just before a movement that follows another one closely, the response to that one, which
     # varies, is under way, and it lasts on.
-    overlap = not begins_from_rest(fitter.columns, LEAST_RESTED)
-    steady = without_response_sizes(fitter.columns, fit.values, left) if overlap else left
+    overlap = not begins_from_rest(columns, LEAST_RESTED)
+    steady = without_response_sizes(columns, fit.values, left) if overlap else left
+    continuous = is_continuous(columns)
     better = replace(
         motion,
         activation=mean + held,
-        preceding=preceding_torque(fitter.columns, steady, shown),
+        preceding=mean + held if continuous else preceding_torque(columns, steady, shown),
         restless=restless,
+        continuous=continuous,
     )
     return better, gained - known
 

@@ -55,14 +55,17 @@ class Motion:
         Power density of the errors of position [rad^2/Hz] and of an independent velocity
         [rad^2/s^2/Hz], infinite without one.
     preceding
-        What the muscles held before the movement under way [N.m], shape (n,); nothing of the
-        response to it. None where this is not known.
+        What the muscles held before the movement under way, or before and after a moment of a
+        continuous one [N.m], shape (n,); nothing of the response to it. None where this is not
+        known.
     cocontraction
         Course of the stiffness beyond what the model says, of mean 0 and root mean square 1 [1],
         shape (n,); None where the recording shows none.
     restless
         Whether `preceding` holds earlier responses, since the movements follow each other without
         rest.
+    continuous
+        Whether the plate hardly ever begins to move from rest.
     """
 
     rate: float
@@ -75,6 +78,7 @@ class Motion:
     noise: tuple[float, float] = (0.0, math.inf)
     preceding: np.ndarray | None = None
     restless: bool = False
+    continuous: bool = False
     cocontraction: np.ndarray | None = None
 
     def position_noise(self, frequency: np.ndarray) -> np.ndarray:

@@ -22,9 +22,10 @@ from ankle_physics.rig_file import RigFile
 from ankle_physics.signals import Signals
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.base_model import ALIGNMENT
+from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.held_out import vaf
-from model_discrepancy.fit.held_torque import shown_share, slow_torque
+from model_discrepancy.fit.held_torque import held_torque, shown_share
 from model_discrepancy.fit.rows import Rows
 from model_discrepancy.fit.stiffness_course import COCONTRACTION, stiffness_course
 from model_discrepancy.recording.channel_gains import channel_findings, trusted
@@ -118,7 +119,8 @@ def resimulate(recording: Recording, base: Model, augmented: Model) -> Resimulat
     # Activation is EMG, or the slow torque that movement does not make, as in the diagnosis.
     steady = Model([e for e in augmented.entries if not e.term.follows_torque])
     left = rows.torque(recorded - rows.spectrum(simulated_torque(steady, motion)))
-    slow = float(np.mean(motion.torque)) + slow_torque(rows, left, _shown(augmented, motion))
+    held = held_torque(Columns(motion, rows), left, _shown(augmented, motion))
+    slow = float(np.mean(motion.torque)) + held
     by_emg = emg_activation(corrected, motion.velocity, slow, motion.rate, ACTIVATION_HZ)
     motion = replace(motion, activation=slow if by_emg is None else by_emg)
     motion = replace(motion, cocontraction=_stiffness_course(augmented, motion))
