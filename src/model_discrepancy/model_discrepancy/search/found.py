@@ -37,9 +37,9 @@ _INERTIA = "inertia.I"
 # equation of a larger one, it seems.
 REFINEMENT = 0.05
 # A term that follows slow torque must gain this share of it from what the muscles held before each
-# movement. On independent rigs effects that follow torque gained 0.19 to 0.9 so, and those
+# movement. On the independent rig effects that follow torque gained 0.25 to 0.9 so, and those
 # that seemed to, in five recordings with a reflex that varies, 0.12 and less.
-MIN_PRECEDING_RATIO = 0.15
+MIN_PRECEDING_RATIO = 0.2
 # Nor does slow torque follow the sizes of a reflex in one half of a recording by accident as it
 # does in the other. In the half that gained less such a term gained this share at least of what it
 # gains in the whole; an accident in a recording without a mismatch gained 0.04.
