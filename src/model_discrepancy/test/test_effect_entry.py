@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from model_discrepancy.fit.movements import Peak
 from model_discrepancy.report.effect_size import Size
 from model_discrepancy.report.verdict import CERTAINTY, Standing, effect_entry
 from model_discrepancy.search.found import Found
@@ -74,7 +75,7 @@ def entry_of(name, at_bounds, first, standing, rivals=(), inflexible=None):
         effect,
         Found(final, final, inflexible=before),
         final,
-        Size(0.1, 0.2, 0.1, "dorsiflexion", 0.1),
+        Size(0.1, Peak(0.2, 0.1, "dorsiflexion"), 0.1),
         first,
         standing,
     )

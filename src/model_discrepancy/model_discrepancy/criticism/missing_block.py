@@ -28,7 +28,7 @@ from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.generic_bank import LAGS_S, lag_windows
 from model_discrepancy.fit.halves import STRETCH_S, interleaved
 from model_discrepancy.fit.least_squares import orthonormal
-from model_discrepancy.fit.movements import Onsets, peak_after
+from model_discrepancy.fit.movements import Onsets, Peak, peak_after
 from model_discrepancy.recording.motion import Motion
 
 # Knots of the static curve on each side of zero, as quantiles of the input's size on that side
@@ -83,11 +83,7 @@ class MissingBlock:
     curve
         Output of the static curve, 1 at its largest, with its 95 % band, shape (3, H).
     peak
-        Mean torque of the block after movements in the direction where it is larger [N.m].
-    peak_time
-        Of that peak after the movement's onset [s].
-    direction
-        ``dorsiflexion`` or ``plantarflexion``.
+        The largest torque of the block.
     """
 
     input: str
@@ -97,9 +93,7 @@ class MissingBlock:
     response: np.ndarray
     levels: np.ndarray
     curve: np.ndarray
-    peak: float
-    peak_time: float
-    direction: str
+    peak: Peak
 
     @property
     def unit(self) -> str:
@@ -134,7 +128,6 @@ class MissingBlock:
     @property
     def sentence(self) -> str:
         """Return the block in plain words with its numbers."""
-        word = "adds" if self.peak >= 0 else "takes away"
         first, last = self._acts
         when = (
             "at once"
@@ -142,9 +135,8 @@ class MissingBlock:
             else f"{1000 * max(first, 0.0):.0f} to {1000 * last:.0f} ms later"
         )
         return (
-            f"What is missing follows {self.input} and acts {when}: it {word} up to "
-            f"{abs(self.peak):.2f} N.m, "
-            f"{1000 * self.peak_time:.0f} ms after a {self.direction} movement; {self._shape}. "
+            f"What is missing follows {self.input} and acts {when}: it {self.peak.sentence}; "
+            f"{self._shape}. "
             f"It predicts {100 * max(self.share, 0.0):.0f} % of what the model leaves unexplained."
         )
 
@@ -223,9 +215,9 @@ class MissingBlock:
                 "low[1]": bottom,
                 "high[1]": top,
             },
-            "peak_torque[N.m]": self.peak,
-            "peak_time[s]": self.peak_time,
-            "direction": self.direction,
+            "peak_torque[N.m]": self.peak.torque,
+            "peak_time[s]": self.peak.time,
+            "direction": self.peak.direction,
             "sentence": self.sentence,
         }
 
@@ -318,7 +310,6 @@ def _describe(
     torque = fitter.rows.plain(
         np.tensordot(weights, np.stack(_spectra(fitter, signal, levels)), axes=1)
     )
-    peak, when, direction = peak_after(fitter.rows.rate, torque, onsets)
     return MissingBlock(
         name,
         shares[name],
@@ -327,9 +318,7 @@ def _describe(
         np.stack([bands[0][0], response, bands[0][1]]),
         levels,
         np.stack([bands[1][0], curve, bands[1][1]]),
-        peak,
-        when,
-        direction,
+        peak_after(fitter.rows.rate, torque, onsets),
     )
 
 

@@ -232,7 +232,7 @@ class Variability:
                 found["reflex_from_stretch_to_stretch"]["timing[s]"] = list(self.timing)
         if self.stiffness is not None:
             found["stiffness_in_time"] = {"share_of_mean[1]": list(self.stiffness)}
-        if self.inertia is not None:
+        if self.inertia is not None and self.inertia[0] > 0.0:
             found["inertia_in_time"] = {"share_of_mean[1]": list(self.inertia)}
         if self.stiffness_after is not None:
             found["stiffness_after_movements"] = {"share_of_mean[1]": list(self.stiffness_after)}

@@ -48,28 +48,57 @@ def find_onsets(columns: Columns) -> Onsets:
     return Onsets(index / m.rate, np.sign(reach), np.abs(reach))
 
 
-def peak_after(rate: float, torque: np.ndarray, onsets: Onsets) -> tuple[float, float, str]:
-    """Return the largest mean torque after movements of one direction [N.m], with its sign, its
-    time after the onset [s], and that direction.
+@dataclass(frozen=True)
+class Peak:
+    """Holds the largest torque that something adds.
+
+    Attributes
+    ----------
+    torque
+        Its mean after movements in the direction where that is larger, counted from its value at
+        their onset; under a continuous movement its largest deviation from its mean [N.m]. With
+        its sign.
+    time
+        After the onset [s]; None under a continuous movement.
+    direction
+        ``dorsiflexion`` or ``plantarflexion``; None under a continuous movement.
+    """
+
+    torque: float
+    time: float | None = None
+    direction: str | None = None
+
+    @property
+    def sentence(self) -> str:
+        """Return it in words that follow a subject."""
+        word = "adds" if self.torque >= 0 else "takes away"
+        size = f"{word} up to {abs(self.torque):.2f} N.m"
+        if self.time is None:
+            return size
+        return f"{size}, {1000 * self.time:.0f} ms after a {self.direction} movement"
+
+
+def peak_after(rate: float, torque: np.ndarray, onsets: Onsets) -> Peak:
+    """Return the largest torque after movements.
 
     Parameters
     ----------
     rate
         Rows per second [Hz].
     torque
-        [N.m], shape (n,); it is counted from its value at each onset.
+        [N.m], shape (n,).
     onsets
         Of the movements.
     """
     reach = np.arange(int(RESPONSE_S * rate))
-    best = (0.0, 0.0, "dorsiflexion")
+    peaks = []
     for sign, word in ((1.0, "dorsiflexion"), (-1.0, "plantarflexion")):
         index = np.round(onsets.time[onsets.direction == sign] * rate).astype(int)
         index = index[index + len(reach) < len(torque)]
-        if not len(index):
-            continue
-        mean = (torque[index[:, None] + reach] - torque[index - 2][:, None]).mean(axis=0)
-        k = int(np.argmax(np.abs(mean)))
-        if abs(mean[k]) > abs(best[0]):
-            best = (float(mean[k]), float(reach[k] / rate), word)
-    return best
+        if len(index):
+            mean = (torque[index[:, None] + reach] - torque[index - 2][:, None]).mean(axis=0)
+            k = int(np.argmax(np.abs(mean)))
+            peaks.append(Peak(float(mean[k]), float(reach[k] / rate), word))
+    away = torque - np.mean(torque)
+    peaks = peaks or [Peak(float(away[np.argmax(np.abs(away))]))]
+    return max(peaks, key=lambda peak: abs(peak.torque))

@@ -7,17 +7,21 @@ from html import escape
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.report.page import html_list, html_table, image, write_page
 from model_discrepancy.report.pictures import (
+    BEFORE_S,
+    after_movements,
     block_picture,
     cells_picture,
     dependence_picture,
     encoded,
     path_diagram,
     residual_picture,
+    worst_stretch,
 )
 from model_discrepancy.tools.comparison import compare
 from model_discrepancy.tools.comparison_result import (
@@ -77,8 +81,8 @@ def _sections(result: Comparison, sides: tuple[Side, Side]) -> list[str]:
     assert result.where is not None
     parts = [
         f"<p>{escape(result.method[0].upper() + result.method[1:])}.</p>",
-        "<h2>Torque around the movements</h2>",
-        image(_mean_torques(result, sides[1])),
+        "<h2>Torque, recorded and simulated</h2>",
+        image(_torques(result, sides[1])),
         "<h2>The signal path</h2>",
         image(path_diagram({result.place} if result.place else set())),
         "<h2>What makes the difference</h2>",
@@ -127,33 +131,36 @@ def _sections(result: Comparison, sides: tuple[Side, Side]) -> list[str]:
     return parts
 
 
-def _mean_torques(result: Comparison, recorded: Side) -> str:
-    """Return the mean recorded torque after movements, and what is left of it when the difference
-    is taken off.
+def _torques(result: Comparison, recorded: Side) -> str:
+    """Draw the mean recorded torque after movements, and what is left of it when the difference is
+    taken off; of a continuous movement in time, where the difference is largest.
     """
     assert result.where is not None
-    onsets = result.where.onsets
     # The difference lies on the rows that both bags share.
-    rate = recorded.fitter.rows.rate
-    torque = recorded.fitter.plain_target
-    reach = np.arange(-int(0.05 * rate), int(0.4 * rate))
+    rate, torque = recorded.fitter.rows.rate, recorded.fitter.plain_target
+    count = min(len(torque), len(result.difference))
     figure = Figure(figsize=(10, 3.4))
-    for number, (sign, word) in enumerate(((1.0, "dorsiflexion"), (-1.0, "plantarflexion"))):
-        axes = figure.add_subplot(1, 2, number + 1)
-        index = np.round(onsets.time[onsets.direction == sign] * rate).astype(int)
-        index = index[
-            (index + reach[0] >= 0) & (index + reach[-1] < min(len(torque), len(result.difference)))
-        ]
-        if len(index):
-            segments = index[:, None] + reach
-            mean, left = torque[segments].mean(axis=0), result.difference[segments].mean(axis=0)
-            axes.plot(1000 * reach / rate, mean, color=_RECORDED, lw=2, label="recorded")
-            axes.plot(1000 * reach / rate, mean - left, color=_SIMULATED, label="simulated")
-            axes.plot(1000 * reach / rate, left, color=_DIFFERENCE, lw=1, label=_LABEL)
-            axes.legend(fontsize=8)
-        axes.set_title(f"after {word} ({len(index)} movements)", fontsize=10)
-        axes.set_xlabel("time after onset [ms]")
+
+    def draw(axes: Axes, time: np.ndarray, segments: np.ndarray) -> None:
+        mean, left = torque[segments].mean(axis=0), result.difference[segments].mean(axis=0)
+        axes.plot(time, mean, color=_RECORDED, lw=2, label="recorded")
+        axes.plot(time, mean - left, color=_SIMULATED, label="simulated")
+        axes.plot(time, left, color=_DIFFERENCE, lw=1, label=_LABEL)
+        axes.legend(fontsize=8)
         axes.set_ylabel("torque [N.m]")
+
+    shown = after_movements(result.where.onsets, rate, count)
+    for number, (word, segments) in enumerate(shown.items()):
+        axes = figure.add_subplot(1, len(shown), number + 1)
+        draw(axes, 1000.0 * ((segments[0] - segments[0, 0]) / rate - BEFORE_S), segments)
+        axes.set_title(f"after {word} ({len(segments)} movements)", fontsize=10)
+        axes.set_xlabel("time after onset [ms]")
+    if not shown:
+        stretch = worst_stretch(result.difference[:count], rate)
+        axes = figure.add_subplot()
+        draw(axes, stretch / rate, stretch[None, :])
+        axes.set_title("where the difference is largest", fontsize=10)
+        axes.set_xlabel("time into the recording [s]")
     figure.tight_layout()
     return encoded(figure)
 

@@ -9,7 +9,7 @@ import numpy as np
 from ankle_physics.term import Values, term_library
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
-from model_discrepancy.fit.movements import Onsets, peak_after
+from model_discrepancy.fit.movements import Onsets, Peak, peak_after
 
 
 @dataclass(frozen=True)
@@ -21,19 +21,13 @@ class Size:
     rms
         Over the recording [N.m].
     peak
-        Of its mean after movements in the direction where it is larger [N.m], with sign.
-    time
-        Of that peak after the movement's onset [s].
-    direction
-        ``dorsiflexion`` or ``plantarflexion``.
+        The largest of it.
     share
         Rms as a share of the torque's, 0...1.
     """
 
     rms: float
-    peak: float
-    time: float
-    direction: str
+    peak: Peak
     share: float
 
 
@@ -42,12 +36,9 @@ def size_of(fitter: Fitter, final: Fit, name: str, onsets: Onsets) -> Size:
     it, all else equal.
     """
     torque = _added(fitter, final, name)
-    peak, time, direction = peak_after(fitter.rows.rate, torque, onsets)
     return Size(
         float(np.std(torque[fitter.rows.used])),
-        peak,
-        time,
-        direction,
+        peak_after(fitter.rows.rate, torque, onsets),
         torque_share(fitter, final, name),
     )
 
@@ -65,10 +56,7 @@ def _added(fitter: Fitter, final: Fit, name: str) -> np.ndarray:
 
 def sentence_of(name: str, values: Values, size: Size) -> str:
     """Return the term's sentence for these values, with its number."""
-    word = "adds" if size.peak >= 0 else "takes away"
     return (
-        f"{term_library()[name].sentence_for(values)} In this recording it {word} up to "
-        f"{abs(size.peak):.2f} N.m, "
-        f"{1000 * size.time:.0f} ms after a {size.direction} movement ({100 * size.share:.0f} % "
-        "of the torque's variation)."
+        f"{term_library()[name].sentence_for(values)} In this recording it {size.peak.sentence} "
+        f"({100 * size.share:.0f} % of the torque's variation)."
     )

@@ -198,7 +198,7 @@ def _sections(d: Diagnosis) -> list[str]:
     # Names that are too small to be stated are in no model.
     augmented = bool(d.found.effects) and d.verdict.verdict != "no_mismatch"
     parts = [
-        "<h2>Torque around the movements</h2>",
+        "<h2>Torque, recorded and predicted</h2>",
         image(
             before_and_after(
                 fitter,

@@ -16,6 +16,7 @@ from model_discrepancy.criticism.missing_block import MissingBlock
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.held_out import HeldOut
+from model_discrepancy.fit.movements import Onsets
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.report.angle_error import angle_curve
 from model_discrepancy.report.stiffness_in_time import stiffness_in_time
@@ -34,6 +35,11 @@ _BLOCKS = (
     "position sensor",
 )
 _DIRECTION_NAMES = {"up": "dorsiflexion", "down": "plantarflexion"}
+_DIRECTIONS = ((1.0, "dorsiflexion"), (-1.0, "plantarflexion"))
+# A response, and rest before it.
+BEFORE_S, AFTER_S = 0.05, 0.4
+# Single waves of a perturbation of 1 to 20 Hz can be told in so much of it.
+STRETCH_S = 3.0
 _GREY, _BLUE, _RED = "0.35", "#1f6fb4", "#c8372d"
 
 
@@ -48,36 +54,77 @@ def before_and_after(
     fitter: Fitter, base_map: ResidualMap, base: HeldOut, final: HeldOut | None, noise: float
 ) -> str:
     """Draw the mean torque around movements: recorded, and predicted on unseen data; the band is
-    what no model explains. `final` None: base only.
+    what no model explains. `final` None: base only. Of a continuous movement the torque in time is
+    drawn, where the base model predicts it worst.
     """
     rows = fitter.rows
     figure = Figure(figsize=(10, 3.6))
-    reach = np.arange(-int(0.05 * rows.rate), int(0.4 * rows.rate))
-    for number, (sign, word) in enumerate(((1.0, "dorsiflexion"), (-1.0, "plantarflexion"))):
-        axes = figure.add_subplot(1, 2, number + 1)
-        onsets = base_map.onsets
-        index = np.round(onsets.time[onsets.direction == sign] * rows.rate).astype(int)
-        index = index[(index + reach[0] >= 0) & (index + reach[-1] < rows.count)]
-        if len(index):
-            _mean_responses(axes, fitter, index, reach, base, final, noise / np.sqrt(len(index)))
-        axes.set_title(f"after {word} ({len(index)} movements)")
+    shown = after_movements(base_map.onsets, rows.rate, rows.count)
+    for number, (word, segments) in enumerate(shown.items()):
+        axes = figure.add_subplot(1, len(shown), number + 1)
+        time, band = (segments[0] - segments[0, 0]) / rows.rate - BEFORE_S, noise**2 / len(segments)
+        _draw_torque(axes, fitter, 1000.0 * time, segments, base, final, band**0.5)
+        axes.axvline(0.0, color="0.8", lw=0.8)
+        axes.set_title(f"after {word} ({len(segments)} movements)")
         axes.set_xlabel("time after onset [ms]")
-        axes.set_ylabel("torque [N.m]")
-        axes.legend(fontsize=8)
+    if not shown:
+        stretch = worst_stretch(np.where(rows.used, base.residual, 0.0), rows.rate)
+        axes = figure.add_subplot()
+        _draw_torque(axes, fitter, rows.time[stretch], stretch[None, :], base, final, noise)
+        axes.set_title("where the base model predicts it worst")
+        axes.set_xlabel("time into the recording [s]")
     return encoded(figure)
 
 
-def _mean_responses(
+def after_movements(onsets: Onsets, rate: float, count: int) -> dict[str, np.ndarray]:
+    """Return the rows from `BEFORE_S` before to `AFTER_S` after each movement, by direction and of
+    shape (movements, n); no direction in which the plate does not begin to move.
+
+    Parameters
+    ----------
+    onsets
+        Of the movements.
+    rate
+        Rows per second [Hz].
+    count
+        Of the rows that there are.
+    """
+    reach = np.arange(-int(BEFORE_S * rate), int(AFTER_S * rate))
+    found = {}
+    for sign, word in _DIRECTIONS:
+        index = np.round(onsets.time[onsets.direction == sign] * rate).astype(int)
+        index = index[(index + reach[0] >= 0) & (index + reach[-1] < count)]
+        if len(index):
+            found[word] = index[:, None] + reach
+    return found
+
+
+def worst_stretch(left: np.ndarray, rate: float) -> np.ndarray:
+    """Return the rows of the `STRETCH_S` seconds in which most is left.
+
+    Parameters
+    ----------
+    left
+        [N.m], shape (n,).
+    rate
+        Rows per second [Hz].
+    """
+    length = min(int(STRETCH_S * rate), len(left) - 1)
+    summed = np.cumsum(left**2)
+    first = int(np.argmax(summed[length:] - summed[:-length]))
+    return np.arange(first, first + length)
+
+
+def _draw_torque(
     axes: Axes,
     fitter: Fitter,
-    index: np.ndarray,
-    reach: np.ndarray,
+    time: np.ndarray,
+    segments: np.ndarray,
     base: HeldOut,
     final: HeldOut | None,
     band: float,
 ) -> None:
-    segments = index[:, None] + reach
-    time = 1000.0 * reach / fitter.rows.rate
+    """Draw the mean torque of segments of rows, shape (segments, n), over n times."""
     recorded = fitter.plain_target[segments].mean(axis=0)
     axes.fill_between(
         time,
@@ -95,7 +142,8 @@ def _mean_responses(
             color=_BLUE,
             label="with the new physics",
         )
-    axes.axvline(0.0, color="0.8", lw=0.8)
+    axes.set_ylabel("torque [N.m]")
+    axes.legend(fontsize=8)
 
 
 def path_diagram(marked: set[str]) -> str:
@@ -132,35 +180,35 @@ def path_diagram(marked: set[str]) -> str:
 def residual_picture(
     base: ResidualMap, final: ResidualMap | None, label: str = "base model"
 ) -> str:
-    """Draw the residual by time after onset and direction, and its share of torque by frequency
-    band, before and after (where there is an after).
+    """Draw the residual by time after onset and direction (where the plate moves from rest), and
+    its share of torque by frequency band, before and after (where there is an after).
     """
     shown = [(base, _RED, label)] + (
         [(final, _BLUE, "with the new physics")] if final is not None else []
     )
+    moved = [k for k, (sign, _) in enumerate(_DIRECTIONS) if (base.onsets.direction == sign).any()]
     figure = Figure(figsize=(10, 3.4))
-    for number, direction in enumerate((1, 2)):
-        axes = figure.add_subplot(1, 3, number + 1)
+    for number, k in enumerate(moved):
+        axes = figure.add_subplot(1, len(moved) + 1, number + 1)
         for found, color, label in shown:
-            axes.plot(
-                1000 * found.responses[0], found.responses[direction], color=color, label=label
-            )
+            axes.plot(1000 * found.responses[0], found.responses[k + 1], color=color, label=label)
         axes.axhline(0.0, color="0.8", lw=0.8)
-        axes.set_title(
-            f"mean unexplained torque, {('dorsiflexion', 'plantarflexion')[number]}", fontsize=10
-        )
+        axes.set_title(f"mean unexplained torque, {_DIRECTIONS[k][1]}", fontsize=10)
         axes.set_xlabel("time after onset [ms]")
         axes.set_ylabel("unexplained [N.m]")
         axes.legend(fontsize=7)
-    axes = figure.add_subplot(1, 3, 3)
+    axes = figure.add_subplot(1, len(moved) + 1, len(moved) + 1)
     place = np.arange(len(base.share))
-    for number, (found, color, _) in enumerate(shown):
+    for number, (found, color, label) in enumerate(shown):
         axes.bar(
             place + 0.4 * (number - 0.5 * (len(shown) - 1)),
             [100 * s for s in found.share.values()],
             0.4,
             color=color,
+            label=label,
         )
+    if not moved:
+        axes.legend(fontsize=7)
     axes.set_xticks(place, [f"{low:g}-{high:g}" for low, high in base.share], fontsize=7)
     axes.set_xlabel("frequency [Hz]")
     axes.set_ylabel("unexplained, % of torque")
@@ -233,8 +281,9 @@ def dependence_picture(base: ResidualMap) -> str:
     """Draw the coherence of the residual with each input by frequency, and what the size of the
     misfit depends on.
     """
-    figure = Figure(figsize=(10, 2.8))
-    axes = figure.add_subplot(1, 2, 1)
+    columns = 2 if base.dependence else 1
+    figure = Figure(figsize=(5 * columns, 2.8))
+    axes = figure.add_subplot(1, columns, 1)
     values = np.array([list(row.values()) for row in base.coherent.values()])
     axes.imshow(values, cmap="Greys", vmin=0.0, vmax=1.0, aspect="auto")
     for (row, column), value in np.ndenumerate(values):
@@ -252,7 +301,14 @@ def dependence_picture(base: ResidualMap) -> str:
     axes.set_yticks(range(len(base.coherent)), list(base.coherent), fontsize=8)
     axes.set_xlabel("frequency [Hz]")
     axes.set_title("coherence of the unexplained torque with", fontsize=10)
-    axes = figure.add_subplot(1, 2, 2)
+    if base.dependence:
+        _draw_dependence(figure.add_subplot(1, columns, 2), base)
+    figure.tight_layout()
+    return encoded(figure)
+
+
+def _draw_dependence(axes: Axes, base: ResidualMap) -> None:
+    """Draw what the size of the misfit after a movement depends on."""
     names = list(base.dependence)
     axes.barh(
         [f"{name} (p = {p:.2g})" for name, (_, p) in base.dependence.items()],
@@ -264,8 +320,6 @@ def dependence_picture(base: ResidualMap) -> str:
     axes.invert_yaxis()
     axes.tick_params(labelsize=8)
     axes.set_title("rank correlation of the misfit with (red: p < 0.001)", fontsize=10)
-    figure.tight_layout()
-    return encoded(figure)
 
 
 def block_picture(block: MissingBlock) -> str:
