@@ -1,4 +1,4 @@
-"""Stiffness that drifts and settles: one half of a recording tells nothing of the other."""
+"""What drifts and settles, stiffness or reflex: one half of a recording tells nothing of the other."""
 
 from copy import copy
 from dataclasses import replace
@@ -48,9 +48,23 @@ def test_with_a_long_time_constant_it_is_a_steady_drift():
     assert np.abs(slow - steady)[2000:4000].max() < 0.2
 
 
-def diagnosed(library):
-    planted = {"settling_stiffness": SETTLING}
+def diagnosed(library, planted=None):
+    planted = planted or {"settling_stiffness": SETTLING}
     return diagnose(simulate_trial(planted, seed=3, duration=60.0, rate=1024.0), library=library)
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        pytest.param("settling_reflex", {"Gt": -0.1, "T": 12.0}, id="settles"),
+        pytest.param("reflex_drift", {"Gt": -0.12}, id="does not"),
+    ],
+)
+def test_a_reflex_that_settles_is_told_from_one_that_drifts(name, values):
+    rivals = ("settling_reflex", "reflex_drift", "activation_reflex_gain", "stiffness_drift")
+    found = diagnosed(rivals, {name: values})
+    assert names(found) == [name]
+    assert found.verdict.verdict == "explained"
 
 
 @pytest.fixture(scope="module")

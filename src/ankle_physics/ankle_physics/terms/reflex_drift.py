@@ -49,5 +49,17 @@ class ReflexDrift(ReflexArc):
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
         time = state["run_time"].advance(len(signals.drive))
-        drive = (time - REFERENCE_TIME) * np.maximum(signals.drive, 0.0)
+        drive = self.course(time - REFERENCE_TIME, values) * np.maximum(signals.drive, 0.0)
         return {"Gt": self.response_to(drive, values, state)}
+
+    def course(self, since: np.ndarray, values: Values) -> np.ndarray:
+        """Return what the rate is multiplied by [s], shape (n,).
+
+        Parameters
+        ----------
+        since
+            Time since half a minute into the run [s], shape (n,).
+        values
+            Of the term.
+        """
+        return since
