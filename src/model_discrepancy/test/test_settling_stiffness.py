@@ -1,4 +1,4 @@
-"""What drifts and settles, stiffness or reflex: one half of a recording tells nothing of the other."""
+"""What settles, stiffness or reflex: one half of a recording tells nothing of the other."""
 
 from copy import copy
 from dataclasses import replace
