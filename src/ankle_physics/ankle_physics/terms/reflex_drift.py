@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from ankle_physics.reflex_arc import MUSCLE_FREQUENCY, SHORT_LATENCY, ReflexArc
@@ -29,7 +31,7 @@ class ReflexDrift(ReflexArc):
         "The reflex weakens steadily in the course of the recording.",
         "The reflex grows steadily in the course of the recording.",
     )
-    parameters = (
+    parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "Gt",
             "N.m/rad",
