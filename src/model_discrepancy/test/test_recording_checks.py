@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import butter, lfilter, sosfiltfilt
+from scipy.signal import bilinear, butter, lfilter, sosfiltfilt
 
 from ankle_physics.memory_elements import BacklashOperator
 from model_discrepancy.errors import DiagnosisError
@@ -309,3 +309,17 @@ def test_a_foot_that_moves_now_and_then_has_no_dead_torque():
     noise = 0.01 * np.random.default_rng(2).standard_normal(len(time))
     lost = np.where((time > 20.0) & (time < 30.0), noise, one.torque)
     assert [fault for fault in faults(replace(one, torque=lost)) if "dead" in fault]
+
+
+def test_strong_late_reflexes_are_no_clocks_that_are_apart():
+    """A relaxed ankle: its reflexes make most of the torque, the late one more than the first."""
+    rate = 1000.0
+    levels = np.random.default_rng(5).choice([-0.03, 0.03], 300)
+    position = sosfiltfilt(butter(2, 12.0, fs=rate, output="sos"), np.repeat(levels, 200))
+    velocity = np.gradient(position) * rate
+    torque = 0.019 * np.gradient(velocity) * rate + 1.2 * velocity + 22.0 * position
+    for gain, delay, omega in ((14.0, 38, 14.0), (20.0, 103, 27.0)):
+        muscle = bilinear([omega**2], [1.0, 2.0 * omega, omega**2], fs=rate)
+        torque += gain * lfilter(*muscle, np.roll(np.maximum(velocity, 0.0), delay))
+    torque += 0.03 * np.random.default_rng(6).standard_normal(len(torque))
+    assert faults(Recording(rate, position, torque, None, None, name="late")) == []

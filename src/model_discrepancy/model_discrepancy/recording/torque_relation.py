@@ -40,6 +40,8 @@ _SHIFTS_PER_TRY = 5
 # Reflexes of short and long latency, and a muscle's own time.
 _REFLEX_DELAYS_S = (0.04, 0.09)
 _MUSCLE_S = 0.045
+# Any reflex answers within these, and smoothly.
+_REACTION_LAGS_S = np.arange(0.04, 0.3, 0.02)
 # Resonances of straps, plate and sensor that the band of 3 to 40 Hz shows.
 _MODES_HZ = (12.0, 15.0, 19.0, 24.0, 30.0, 40.0, 55.0)
 _MODE_DAMPINGS = (0.05, 0.2)
@@ -91,6 +93,8 @@ def relation_faults(recording: Recording) -> list[str]:
         and vafs[best] > max(vafs[inside], lagging_vaf) + 0.05
         and _ringing_vaf(columns, t, inner, rate, SHIFTS_S[best])
         > _ringing_vaf(columns, t, inner, rate, SHIFTS_S[inside]) + 0.05
+        and _reacting_vaf(columns, t, inner, rate, SHIFTS_S[best])
+        > _reacting_vaf(columns, t, inner, rate, SHIFTS_S[inside]) - 0.05
     ):
         return [_apart(SHIFTS_S[best])]
     moved = np.roll(t, -round(SHIFTS_S[inside] * rate))[inner]
@@ -252,6 +256,21 @@ def _ringing_vaf(
         model, *_ = np.linalg.lstsq(seen, torque[inner], rcond=None)
         vafs.append(1.0 - np.var(torque[inner] - seen @ model) / np.var(torque[inner]))
     return float(max(vafs))
+
+
+def _reacting_vaf(
+    columns: np.ndarray, torque: np.ndarray, inner: slice, rate: float, skew: float
+) -> float:
+    """Return the VAF of a joint whose reflexes answer stretches of either direction in any way, at
+    a skew [s]: strong late reflexes look like clocks that are apart, but a joint with inertia
+    resists at once.
+    """
+    stretches = [np.maximum(sign * columns[:, 1], 0.0) for sign in (1.0, -1.0)]
+    late = [np.roll(one, round(lag * rate)) for lag in _REACTION_LAGS_S for one in stretches]
+    joint = np.column_stack([columns, *late])[inner]
+    moved = np.roll(torque, -round(skew * rate))[inner]
+    model, *_ = np.linalg.lstsq(joint, moved, rcond=None)
+    return float(1.0 - np.var(moved - joint @ model) / np.var(moved))
 
 
 def _resonating(signals: np.ndarray, frequency: float, damping: float, rate: float) -> np.ndarray:
