@@ -32,6 +32,31 @@ SHORT_LATENCY = Parameter(
     ),
 )
 
+# A reflex arc takes 40 ms or more, and its torque has gone after 300 ms. Steps of 30 ms would let a
+# reflex take the stiffness of a relaxed ankle away.
+RESPONSE_LAGS = np.arange(0.04, 0.3, 0.02)  # s
+
+
+def late_stretches(velocity: np.ndarray, rate: float) -> list[np.ndarray]:
+    """Return what reflexes of any kind may answer: stretches of either direction at each of
+    `RESPONSE_LAGS`, each of shape (n,) and in units of the fastest.
+
+    Parameters
+    ----------
+    velocity
+        In any unit, shape (n,).
+    rate
+        Of its samples [Hz].
+    """
+    found = []
+    for direction in (1.0, -1.0):
+        stretch = np.maximum(direction * velocity, 0.0)
+        size = float(np.max(stretch, where=np.isfinite(stretch), initial=0.0))
+        for lag in np.round(RESPONSE_LAGS * rate).astype(int):
+            before = np.zeros(min(lag, len(stretch)))
+            found.append(np.concatenate([before, stretch])[: len(stretch)] / (size or 1.0))
+    return found
+
 
 class ReflexArc(Term):
     """Describes a term whose torque is a muscle's response to a delayed drive.

@@ -7,16 +7,14 @@ import pytest
 
 from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.fit.held_torque import BESIDE_GUARD_S, BESIDE_WINDOW_S, torque_beside
 from model_discrepancy.fit.movements import find_onsets
 from model_discrepancy.fit.preceding_torque import (
-    BESIDE_GUARD_S,
-    BESIDE_WINDOW_S,
     GUARD_S,
     MIN_MOVEMENTS,
     RESTLESS_WINDOW_S,
     SHORTEST_REST_S,
     preceding_torque,
-    torque_beside,
 )
 from model_discrepancy.fit.response_sizes import single_responses, without_response_sizes
 from model_discrepancy.fit.rows import Rows
@@ -143,11 +141,11 @@ def test_what_is_held_beside_a_moment_holds_nothing_of_that_moment():
     far, near = ((BESIDE_GUARD_S + BESIDE_WINDOW_S) * rate, BESIDE_GUARD_S * rate)
     pulse = np.zeros(count)
     pulse[2500] = 1.0
-    beside = torque_beside(pulse, rate, np.ones(count))
+    beside = torque_beside(rate, pulse, np.ones(count))
     away = np.abs(np.flatnonzero(beside > 1e-9) - 2500)
     assert near <= away.min() + 1
     assert away.max() <= far + 1
-    assert torque_beside(np.full(count, 3.0), rate, np.full(count, 2.0)) == pytest.approx(1.5)
+    assert torque_beside(rate, np.full(count, 3.0), np.full(count, 2.0)) == pytest.approx(1.5)
 
 
 @pytest.mark.parametrize(

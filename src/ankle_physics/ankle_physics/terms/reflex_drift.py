@@ -9,12 +9,12 @@ from typing import ClassVar
 import numpy as np
 
 from ankle_physics.reflex_arc import MUSCLE_FREQUENCY, SHORT_LATENCY, ReflexArc
-from ankle_physics.run_time import REFERENCE_TIME, RunTime
+from ankle_physics.run_time import REFERENCE_TIME, RunTime, SteadyCourse
 from ankle_physics.signals import Signals
 from ankle_physics.term import Parameter, Place, State, Turn, Values
 
 
-class ReflexDrift(ReflexArc):
+class ReflexDrift(SteadyCourse, ReflexArc):
     """Models habituation or fatigue of the reflex at the constant rate Gt; G is the gain half a
     minute into the run. By reasoning: a constant rate is the simplest course.
     """
@@ -53,15 +53,3 @@ class ReflexDrift(ReflexArc):
         time = state["run_time"].advance(len(signals.drive))
         drive = self.course(time - REFERENCE_TIME, values) * np.maximum(signals.drive, 0.0)
         return {"Gt": self.response_to(drive, values, state)}
-
-    def course(self, since: np.ndarray, values: Values) -> np.ndarray:
-        """Return what the rate is multiplied by [s], shape (n,).
-
-        Parameters
-        ----------
-        since
-            Time since half a minute into the run [s], shape (n,).
-        values
-            Of the term.
-        """
-        return since

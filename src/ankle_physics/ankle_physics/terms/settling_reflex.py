@@ -4,13 +4,12 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from ankle_physics.term import Parameter, Turn, Values
+from ankle_physics.run_time import SettlingCourse
+from ankle_physics.term import Parameter, Turn
 from ankle_physics.terms.reflex_drift import ReflexDrift
 
 
-class SettlingReflex(ReflexDrift):
+class SettlingReflex(SettlingCourse, ReflexDrift):
     """Models habituation or fatigue of the reflex that comes to an end: the gain approaches its
     last value with the time constant T. G is the gain, and Gt its rate of change, half a minute
     into the run.
@@ -42,7 +41,3 @@ class SettlingReflex(ReflexDrift):
             tried=(15.0, 40.0),
         ),
     )
-
-    def course(self, since: np.ndarray, values: Values) -> np.ndarray:
-        time_constant = float(values["T"])
-        return np.asarray(-time_constant * np.expm1(-since / time_constant))

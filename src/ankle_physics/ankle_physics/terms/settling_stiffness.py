@@ -4,13 +4,12 @@ xc) + bt * v)``.
 
 from __future__ import annotations
 
-import numpy as np
-
-from ankle_physics.term import Parameter, Turn, Values
+from ankle_physics.run_time import SettlingCourse
+from ankle_physics.term import Parameter, Turn
 from ankle_physics.terms.stiffness_drift import StiffnessDrift
 
 
-class SettlingStiffness(StiffnessDrift):
+class SettlingStiffness(SettlingCourse, StiffnessDrift):
     """Models fatigue, creep or warming up that comes to an end: K and B approach their last values
     with the time constant T. kt and bt are the rates of change half a minute into the run.
 
@@ -42,7 +41,3 @@ class SettlingStiffness(StiffnessDrift):
             tried=(25.0, 60.0),
         ),
     )
-
-    def course(self, since: np.ndarray, values: Values) -> np.ndarray:
-        time_constant = float(values["T"])
-        return np.asarray(-time_constant * np.expm1(-since / time_constant))

@@ -9,12 +9,12 @@ from typing import ClassVar
 import numpy as np
 
 from ankle_physics.operating_parameters import operating_angle
-from ankle_physics.run_time import REFERENCE_TIME, RunTime
+from ankle_physics.run_time import REFERENCE_TIME, RunTime, SteadyCourse
 from ankle_physics.signals import Signals
 from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
 
-class StiffnessDrift(Term):
+class StiffnessDrift(SteadyCourse, Term):
     """Models that K and B change at the constant rates kt and bt: fatigue, warming up or a new
     posture. By reasoning: a constant rate is the simplest course.
     """
@@ -65,15 +65,3 @@ class StiffnessDrift(Term):
             "kt": course * (signals.foot_position - values["xc"]),
             "bt": course * signals.foot_velocity,
         }
-
-    def course(self, since: np.ndarray, values: Values) -> np.ndarray:
-        """Return what the rates are multiplied by [s], shape (n,).
-
-        Parameters
-        ----------
-        since
-            Time since half a minute into the run [s], shape (n,).
-        values
-            Of the term.
-        """
-        return since

@@ -25,7 +25,6 @@ from model_discrepancy.fit.preceding_torque import (
     begins_from_rest,
     is_continuous,
     preceding_torque,
-    torque_beside,
 )
 from model_discrepancy.fit.response_sizes import without_response_sizes
 from model_discrepancy.fit.rows import Rows
@@ -39,6 +38,10 @@ LEAST_IMPROVEMENT = 0.005
 # half or three quarters do, and the responses of the others made a joint of constant stiffness seem
 # to follow torque.
 LEAST_RESTED = 0.9
+# The torque of a moment holds responses to movements of the last 0.3 s, and these end 0.3 s later.
+BESIDE_GUARD_S = 0.35
+# On either side. Windows of 0.4 and 1 s tell the same.
+BESIDE_WINDOW_S = 0.6
 
 
 def shown_share(position: np.ndarray, follows: float, centre: float) -> np.ndarray:
@@ -83,8 +86,32 @@ def slow_torque(rows: Rows, left: np.ndarray, shown: np.ndarray) -> np.ndarray:
     )
 
 
+def torque_beside(rate: float, left: np.ndarray, shown: np.ndarray) -> np.ndarray:
+    """Return the torque that the muscles hold before and after each moment, without what they do
+    then: `BESIDE_GUARD_S` away from it and more [N.m], shape (n,).
+
+    Parameters
+    ----------
+    rate
+        Of the samples [Hz].
+    left, shown
+        As for `slow_torque`.
+    """
+    far, near = (round(s * rate) for s in (BESIDE_GUARD_S + BESIDE_WINDOW_S, BESIDE_GUARD_S))
+    moment = np.arange(len(left))
+
+    def beside(signal: np.ndarray) -> np.ndarray:
+        summed = np.concatenate([[0.0], np.cumsum(signal)])
+        ends = (moment - near, moment + far), (moment - far, moment + near)
+        last, first = (np.clip(both, 0, len(left)) for both in ends)
+        return np.asarray(np.sum(summed[last] - summed[first], axis=0))
+
+    power = beside(shown**2)
+    return beside(left * shown) / np.maximum(power, LEAST_POWER * np.mean(power))
+
+
 def held_torque(columns: Columns, left: np.ndarray, shown: np.ndarray) -> np.ndarray:
-    """Return the torque that the muscles hold about each moment.
+    """Return the torque that the muscles hold about each moment [N.m], shape (n,).
 
     Parameters
     ----------
@@ -92,14 +119,9 @@ def held_torque(columns: Columns, left: np.ndarray, shown: np.ndarray) -> np.nda
         Of the recording.
     left, shown
         As for `slow_torque`.
-
-    Returns
-    -------
-    np.ndarray
-        [N.m], shape (n,).
     """
     if is_continuous(columns):
-        return torque_beside(left, columns.motion.rate, shown)
+        return torque_beside(columns.motion.rate, left, shown)
     return slow_torque(columns.rows, left, shown)
 
 

@@ -7,9 +7,6 @@ that it predicts. What was held before a movement began holds nothing of its res
 Where movements follow each other without rest, that holds the responses to the movements before,
 and their sizes. What the sizes make of the torque is taken off first (`response_sizes`). Where most
 movements do, the window holds two or three of these responses.
-
-A continuous movement has no moments before which nothing moved. What was held at a time is there
-what was held before and after it, far enough to hold none of the responses that last then.
 """
 
 from __future__ import annotations
@@ -37,10 +34,6 @@ RESTLESS_WINDOW_S = 0.6
 LEAST_POWER = 0.25
 # Of a continuous movement only a few moments come after a rest.
 MIN_MOVEMENTS = 20
-# The torque of a moment holds responses to movements of the last 0.3 s, and these end 0.3 s later.
-BESIDE_GUARD_S = 0.35
-# On either side. Windows of 0.4 and 1 s tell the same.
-BESIDE_WINDOW_S = 0.6
 
 
 def begins_from_rest(columns: Columns, most: float = 0.5) -> bool:
@@ -70,37 +63,6 @@ def is_continuous(columns: Columns) -> bool:
         Of the recording.
     """
     return len(find_onsets(columns).time) < MIN_MOVEMENTS
-
-
-def torque_beside(left: np.ndarray, rate: float, shown: np.ndarray) -> np.ndarray:
-    """Return the torque that the muscles hold before and after each moment, without what they do
-    then.
-
-    Parameters
-    ----------
-    left
-        What the base model leaves of the torque [N.m], shape (n,).
-    rate
-        Of its samples [Hz].
-    shown
-        Share of the torque that the joint shows [1], shape (n,).
-
-    Returns
-    -------
-    np.ndarray
-        [N.m], shape (n,).
-    """
-    far, near = (round(s * rate) for s in (BESIDE_GUARD_S + BESIDE_WINDOW_S, BESIDE_GUARD_S))
-    moment = np.arange(len(left))
-
-    def beside(signal: np.ndarray) -> np.ndarray:
-        summed = np.concatenate([[0.0], np.cumsum(signal)])
-        ends = (moment - near, moment + far), (moment - far, moment + near)
-        last, first = (np.clip(both, 0, len(left)) for both in ends)
-        return np.asarray(np.sum(summed[last] - summed[first], axis=0))
-
-    power = beside(shown**2)
-    return beside(left * shown) / np.maximum(power, LEAST_POWER * np.mean(power))
 
 
 def preceding_torque(

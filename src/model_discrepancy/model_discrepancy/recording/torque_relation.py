@@ -12,6 +12,7 @@ from scipy.optimize import nnls
 from scipy.signal import bilinear, lfilter
 
 from ankle_physics.joint_profile import joint_in_force
+from ankle_physics.reflex_arc import late_stretches
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.spectrum import band
 
@@ -40,8 +41,6 @@ _SHIFTS_PER_TRY = 5
 # Reflexes of short and long latency, and a muscle's own time.
 _REFLEX_DELAYS_S = (0.04, 0.09)
 _MUSCLE_S = 0.045
-# Any reflex answers within these, and smoothly.
-_REACTION_LAGS_S = np.arange(0.04, 0.3, 0.02)
 # Resonances of straps, plate and sensor that the band of 3 to 40 Hz shows.
 _MODES_HZ = (12.0, 15.0, 19.0, 24.0, 30.0, 40.0, 55.0)
 _MODE_DAMPINGS = (0.05, 0.2)
@@ -265,9 +264,7 @@ def _reacting_vaf(
     a skew [s]: strong late reflexes look like clocks that are apart, but a joint with inertia
     resists at once.
     """
-    stretches = [np.maximum(sign * columns[:, 1], 0.0) for sign in (1.0, -1.0)]
-    late = [np.roll(one, round(lag * rate)) for lag in _REACTION_LAGS_S for one in stretches]
-    joint = np.column_stack([columns, *late])[inner]
+    joint = np.column_stack([columns, *late_stretches(columns[:, 1], rate)])[inner]
     moved = np.roll(torque, -round(skew * rate))[inner]
     model, *_ = np.linalg.lstsq(joint, moved, rcond=None)
     return float(1.0 - np.var(moved - joint @ model) / np.var(moved))

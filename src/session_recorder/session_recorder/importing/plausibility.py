@@ -18,6 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
+from ankle_physics.reflex_arc import RESPONSE_LAGS, late_stretches
+
 # From 50 degrees plantarflexion to 30 degrees dorsiflexion is the joint's range; with room for
 # where zero was put.
 LARGEST_POSITION = 1.5  # rad
@@ -36,10 +38,6 @@ INERTIA_RANGE = (0.002, 0.25)  # kg.m^2
 STIFFNESS_RANGE = (2.0, 2000.0)  # N.m/rad
 # Below 5 Hz voluntary torque dominates, above 40 Hz the noise of differentiated positions.
 BAND = (5.0, 40.0)  # Hz
-# A reflex arc takes 40 ms or more, and its torque has gone after 300 ms. Strong reflexes of a
-# relaxed ankle turn the sign of the stiffness around in this band where they are not beside it. The
-# band resolves 12 ms, and steps of 30 ms let a reflex take the stiffness of a relaxed ankle away.
-REFLEX_LAGS = np.arange(0.04, 0.3, 0.02)  # s
 SEGMENT = 2.0  # s; ten periods of the band's lower edge
 FEWEST_SEGMENTS = 4
 # Standard errors from zero before a sign counts as known.
@@ -172,8 +170,12 @@ def intrinsic(rate: float, position: np.ndarray, torque: np.ndarray) -> Intrinsi
     It does not where fewer than `FEWEST_SEGMENTS` are intact, nothing moves, or movement explains
     less than `MIN_EXPLAINED_SHARE` of the torque.
     """
+    # Strong reflexes of a relaxed ankle turn the sign of its stiffness around in this band where
+    # they are not beside it. Which direction stretches the calf is not known yet.
     estimates, weights, left, total = [], [], 0.0, 0.0
-    for x, y, *reflexes in segments(rate, position, torque, *_reflexes(rate, position)):
+    for x, y, *reflexes in segments(
+        rate, position, torque, *late_stretches(np.gradient(position), rate)
+    ):
         velocity = np.gradient(x, 1 / rate)
         moved = np.column_stack([np.gradient(velocity, 1 / rate), velocity, x])
         scale = np.sqrt(np.mean(moved**2, axis=0))
@@ -189,7 +191,7 @@ def intrinsic(rate: float, position: np.ndarray, torque: np.ndarray) -> Intrinsi
         return None
     # So many independent values has a segment in the band: regressors explain their share of noise.
     values = 2.0 * (BAND[1] - BAND[0]) * (SEGMENT - 2.0 / BAND[0])
-    explained = 1.0 - left / total / (1.0 - (3 + 2 * len(REFLEX_LAGS)) / values)
+    explained = 1.0 - left / total / (1.0 - (3 + 2 * len(RESPONSE_LAGS)) / values)
     if explained < MIN_EXPLAINED_SHARE:
         return None
     # A segment without a perturbation tells little: each counts by the movement in it.
@@ -197,19 +199,6 @@ def intrinsic(rate: float, position: np.ndarray, torque: np.ndarray) -> Intrinsi
     mean = share @ np.array(estimates)
     error = np.sqrt(share**2 @ (np.array(estimates) - mean) ** 2 * len(share) / (len(share) - 1))
     return Intrinsic(float(mean[0]), float(error[0]), float(mean[2]), float(error[2]), explained)
-
-
-def _reflexes(rate: float, position: np.ndarray) -> Iterator[np.ndarray]:
-    """Return stretches of either direction at each of `REFLEX_LAGS`, shape (n,), in units of the
-    fastest: which direction stretches the calf is not known yet.
-    """
-    velocity = np.gradient(position)
-    for direction in (1.0, -1.0):
-        stretch = np.maximum(direction * velocity, 0.0)
-        size = float(np.max(stretch, where=np.isfinite(stretch), initial=0.0))
-        for lag in np.round(REFLEX_LAGS * rate).astype(int):
-            before = np.zeros(min(lag, len(stretch)))
-            yield np.concatenate([before, stretch])[: len(stretch)] / (size or 1.0)
 
 
 def check_intrinsic(found: Intrinsic, stated_sign: str) -> list[str]:
