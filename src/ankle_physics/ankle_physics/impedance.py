@@ -51,7 +51,7 @@ TRAIN_SEED = 2018
 # Reflex arcs that answer position, and so count in the effective stiffness.
 POSITION_ARCS = frozenset({"position_reflex", "length_threshold_reflex"})
 # Reflex arcs that answer something else than the velocity of the calf's stretch.
-NON_VELOCITY_ARCS = POSITION_ARCS | {"antagonist_reflex"}
+NON_VELOCITY_ARCS = POSITION_ARCS | {"antagonist_reflex", "acceleration_reflex"}
 
 
 @dataclass(frozen=True)

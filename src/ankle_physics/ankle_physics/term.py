@@ -92,12 +92,17 @@ class Parameter(Quantity):
     tried
         Values at which a search tries the term, where some spread evenly over the range do not
         suit; empty: those.
+    limit_case
+        ``lower`` or ``upper``: the end of the range at which the term has become as simple as it
+        can be, such as bonds that do not attach anew. A fit that ends there says nothing against
+        the term.
     """
 
     default: float = 0.0
     linear: bool = False
     fitted: bool = True
     tried: tuple[float, ...] = ()
+    limit_case: str = ""
 
     def value(self, value: object, term: str) -> float:
         """Return the value of this parameter in a model as a float.

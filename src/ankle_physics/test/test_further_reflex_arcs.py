@@ -51,6 +51,29 @@ def test_it_counts_in_the_effective_stiffness_and_not_in_g():
     assert effective_stiffness(tonic, at) > effective_stiffness(Model.of(JOINT), at) + 5.0
 
 
+def stretched(rise):
+    """A stretch of 0.04 rad within a time [s], after half a second."""
+    time = np.arange(2000) / RATE
+    share = np.clip((time - 0.5) / rise, 0.0, 1.0)
+    x = 0.04 * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    v = np.gradient(x) * RATE
+    return Signals(RATE, x, v, np.gradient(v) * RATE)
+
+
+def test_the_reflex_to_acceleration_answers_how_suddenly_a_stretch_begins():
+    arc = Model.of({"acceleration_reflex": {"Gc": 0.3, "delay": 0.04}})
+    sudden, slow = (np.sum(arc.torque(stretched(rise))) / RATE for rise in (0.05, 0.1))
+    # What the foot gains in speed counts, 1.875 times the mean one, not the size of the stretch.
+    assert sudden == pytest.approx(0.3 * 1.875 * 0.04 / 0.05, rel=0.02)
+    assert sudden == pytest.approx(2.0 * slow, rel=0.02)
+    assert not np.any(arc.torque(stretched(0.05))[: int(0.535 * RATE)])
+
+
+def test_the_reflex_to_acceleration_does_not_count_in_g():
+    both = Model.of(JOINT | {"acceleration_reflex": {"Gc": 0.3}})
+    assert reflex_gain(both, OperatingPoint()) == pytest.approx(8.0, rel=1e-3)
+
+
 def test_a_late_reflex_is_sought_beside_one_that_is_not_drawn_out():
     late = term_library()["long_latency_reflex"]
     assert late.begins_beside({"stiffness": {"K": 60.0}}) == []

@@ -69,7 +69,7 @@ def entry_of(name, at_bounds, first, standing, rivals=(), inflexible=None):
         values={name: VALUES.get(name, {"k": 30.0, "T": 0.1})},
         errors={},
         score=1.0,
-        at_bounds=at_bounds,
+        stopped=at_bounds,
     )
     return effect_entry(
         effect,

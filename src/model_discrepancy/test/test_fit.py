@@ -18,6 +18,7 @@ from model_discrepancy.fit.parameter_scale import (
     absent_parts,
     at_bounds,
     from_unit,
+    limit_cases,
     ranges,
     to_unit,
 )
@@ -212,6 +213,23 @@ def test_a_part_that_a_joint_lacks_is_no_bound_that_stopped_the_fit():
     none = {**bonds, "k1": 0.0, "k4": 0.0}
     assert absent_parts({name: none}) == ()
     assert at_bounds({name: none}) == tuple(f"{name}.k{number}" for number in range(1, 5))
+
+
+@pytest.mark.parametrize(
+    ("changed", "simple"),
+    [
+        ({"recovery": 20.0}, ("short_range_stiffness.recovery",)),
+        ({"recovery": 0.02}, ()),
+        ({"yield": 0.05}, ()),
+        ({}, ()),
+    ],
+)
+def test_bonds_that_never_attach_anew_are_a_limit_case(changed, simple):
+    """They say nothing against the term; a yield outside the movement does."""
+    name = "short_range_stiffness"
+    values = {name: {"k": 40.0, "yield": 0.007, "recovery": 0.5, **changed}}
+    assert limit_cases(values) == simple
+    assert at_bounds(values) == tuple(f"{name}.{symbol}" for symbol in changed)
 
 
 def test_scaled_parameters_return():

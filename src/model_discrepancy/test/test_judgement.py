@@ -283,6 +283,10 @@ def test_behind_a_soft_servo_only_torque_before_a_movement_that_shows_something_
     assert criticism._most_predicted(problem, fit, null, None).judged is judged
 
 
+def ended(labels):
+    return SimpleNamespace(at_bounds=labels, stopped=labels)
+
+
 def effect_of(name, at_bounds):
     fit = SimpleNamespace(at_bounds=at_bounds)
     return Effect(Trial(name, fit, 0.5, (0.5, 0.5), -1.0), errors=None)
@@ -296,13 +300,13 @@ def test_the_first_name_or_half_of_them_at_a_bound_say_that_the_names_are_wrong(
     labels = tuple(f"{names[k]}.x" for k in bounded)
     # Where they ended before the last refit tells nothing.
     effects = [effect_of(name, ("tendon.x",)) for name in names]
-    base, final = SimpleNamespace(at_bounds=()), SimpleNamespace(at_bounds=labels)
+    base, final = ended(()), ended(labels)
     assert Found(base, final, effects=effects).ends_at_bounds == ends
     assert not Found(base, final).ends_at_bounds
 
 
 def test_names_that_leave_no_plausible_inertia_took_the_foots_place():
-    inside, at_bound = (SimpleNamespace(at_bounds=labels) for labels in ((), ("inertia.I",)))
+    inside, at_bound = ended(()), ended(("inertia.I",))
     effects = [effect_of("plate_appendage", ())]
     assert Found(inside, at_bound, effects=effects).ends_at_bounds
     # A joint that is at the end of the range without them stays there.

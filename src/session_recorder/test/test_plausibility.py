@@ -49,6 +49,24 @@ def test_an_ankle_that_moves_the_other_way_is_the_same_ankle(relaxed):
     assert found.stiffness == pytest.approx(20.0, rel=0.25)
 
 
+@pytest.mark.parametrize(("sign", "expected"), [(1.0, 1), (-1.0, -1)])
+def test_a_resonance_in_the_band_does_not_turn_the_sign(sign, expected):
+    """Above the resonance of a soft plate its load moves against it."""
+    soft = {"fixation_compliance": {"k_s": 200.0, "b_s": 0.2}, "inertia": {"I": 0.03}}
+    joint = Model.of({"viscosity": {"B": 0.7}, "stiffness": {"K": 70.0}, **soft})
+    levels = np.random.default_rng(6).choice([-0.03, 0.03], 200)
+    position = sosfiltfilt(
+        butter(2, 30.0, fs=RATE, output="sos"), np.repeat(levels, int(0.3 * RATE))
+    )
+    velocity = np.gradient(position, 1 / RATE)
+    reference = np.column_stack([position, velocity, np.gradient(velocity, 1 / RATE)])
+    made = simulate(reference, RATE, joint, seed=4)
+    found = intrinsic(RATE, made.position, sign * made.torque)
+    assert found.inertia * sign < -0.005
+    assert found.sign == expected
+    assert bool(check_intrinsic(found, "rig")) is (sign < 0.0)
+
+
 def test_noise_is_not_explained_by_movement(relaxed):
     position, _ = relaxed
     noise = np.random.default_rng(7).standard_normal(len(position))

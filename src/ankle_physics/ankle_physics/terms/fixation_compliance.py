@@ -55,6 +55,7 @@ class FixationCompliance(CompliantCoupling):
             "by reasoning: damping ratio 0.2 of the foot on 2000 N.m/rad, as soft tissue rings "
             "one or two periods",
             description="It is the viscosity of the straps and the sole between plate and foot.",
+            limit_case="lower",
         ),
     )
 

@@ -61,6 +61,7 @@ class ShortRangeStiffness(Term):
             "cross-bridge reattachment 0.05 s, thixotropic recovery up to 10 s (Proske & Morgan "
             "1999)",
             description="It is the time constant with which new bonds attach.",
+            limit_case="upper",
         ),
     )
 

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ankle_physics.term import ModelValues
+from model_discrepancy.fit.parameter_scale import limit_cases
 from model_discrepancy.fit.rows import Rows
 from model_discrepancy.fit.signal_path import Column
 
@@ -57,6 +58,14 @@ class Fit:
     absent: tuple[str, ...] = ()
     draws: dict[Column, np.ndarray] = field(default_factory=dict, repr=False)
     spreads: dict[Column, np.ndarray] = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def stopped(self) -> tuple[str, ...]:
+        """Return the names of parameters that a bound stopped, which says something against
+        the term: not those that ended at a `Parameter.limit_case`.
+        """
+        simple = limit_cases(self.values)
+        return tuple(label for label in self.at_bounds if label not in simple)
 
     @cached_property
     def plain(self) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -115,16 +115,31 @@ def absent_parts(values: Start) -> tuple[str, ...]:
 
 def at_bounds(values: Start) -> tuple[str, ...]:
     """Return the names of fitted parameters at a bound of their range, but for `absent_parts`."""
-    found = []
     absent = absent_parts(values)
+    return tuple(label for label, _ in _bounded(values) if label not in absent)
+
+
+def limit_cases(values: Start) -> tuple[str, ...]:
+    """Return the names of those that are at a bound at which the term is as simple as it can be
+    (`Parameter.limit_case`).
+    """
+    found = []
+    for label, end in _bounded(values):
+        name, symbol = label.split(".")
+        if term_library()[name].parameter(symbol).limit_case == end:
+            found.append(label)
+    return tuple(found)
+
+
+def _bounded(values: Start) -> Iterator[tuple[str, str]]:
+    """Return the names of fitted parameters at a bound of their range, and which end it is."""
     for name, given in values.items():
         for stated in term_library()[name].parameters:
             if not stated.fitted:
                 continue
             p = plausible(name, stated)
-            unit = to_unit(p, given[p.symbol]) if p.lower <= given[p.symbol] <= p.upper else 0.0
+            value = given[p.symbol]
+            unit = to_unit(p, value) if p.lower <= value <= p.upper else float(value > p.upper)
             width = _AMPLITUDE_MARGIN if p.linear else _BOUND_MARGIN
-            label = f"{name}.{p.symbol}"
-            if (unit <= width or unit >= 1.0 - width) and label not in absent:
-                found.append(label)
-    return tuple(found)
+            if unit <= width or unit >= 1.0 - width:
+                yield f"{name}.{p.symbol}", "lower" if unit <= width else "upper"

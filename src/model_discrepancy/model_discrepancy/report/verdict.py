@@ -139,7 +139,7 @@ def effect_entry(
         for t in rivals
     ]
     if standing is Standing.COMPLETE and (
-        term.imitates or any(label.startswith(f"{name}.") for label in found.final.at_bounds)
+        term.imitates or any(label.startswith(f"{name}.") for label in found.final.stopped)
     ):
         standing = Standing.CRITICISED
     of_name, of_its_family = CERTAINTY[first, standing]

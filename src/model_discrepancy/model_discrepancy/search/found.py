@@ -266,7 +266,7 @@ class Found:
         """Say whether the first effect, or half of them, end at a bound of their range, or leave
         the joint the least inertia that is plausible: they stand in for something else.
         """
-        ended = {label.split(".")[0] for label in self.final.at_bounds}
+        ended = {label.split(".")[0] for label in self.final.stopped}
         bounded = [effect.trial.name in ended for effect in self.effects]
         if not bounded:
             return False

@@ -357,10 +357,9 @@ def _torque(
             "is the torque that moves the ankle, 'subject' the opposite"
         )
         return
-    proposal.torque_sign = "rig" if fit.inertia > 0 else "subject"
-    proposal.reasons.append(
-        f"the torque has the {proposal.torque_sign}'s sign: with it the inertia is positive"
-    )
+    proposal.torque_sign = "subject" if fit.sign < 0 else "rig"
+    why = "a passive joint explains more" if fit.resonates else "the inertia is positive"
+    proposal.reasons.append(f"the torque has the {proposal.torque_sign}'s sign: with it {why}")
 
 
 def _emg(table: Table, found: dict[str, str], proposal: Proposal) -> None:

@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import nnls
 from scipy.signal import butter, sosfiltfilt
 
 from ankle_physics.reflex_arc import RESPONSE_LAGS, late_stretches
@@ -60,19 +61,58 @@ class Intrinsic:
 
     Attributes
     ----------
-    inertia, stiffness
-        Means [kg.m^2, N.m/rad].
-    inertia_error, stiffness_error
+    inertia, viscosity, stiffness
+        Means [kg.m^2, N.m.s/rad, N.m/rad].
+    inertia_error, viscosity_error, stiffness_error
         Their standard errors.
     explained
         Share of the torque's variance in the band, 0 to 1.
+    upright
+        By how much more of that variance inertia, viscosity and stiffness explain when they may not
+        be negative than when they may not be positive, -1 to 1.
     """
 
     inertia: float
     inertia_error: float
+    viscosity: float
+    viscosity_error: float
     stiffness: float
     stiffness_error: float
     explained: float
+    upright: float
+
+    @property
+    def resonates(self) -> bool:
+        """Say whether inertia, viscosity and stiffness contradict each other for certain: something
+        resonates between sensor and foot, or the torque is late.
+        """
+        return len(self._certain_signs) > 1
+
+    @property
+    def sign(self) -> int:
+        """Return 1 where positive torque moves the ankle in the direction in which its angle rises,
+        -1 where it is the opposite, and 0 where this is not known.
+
+        Where the three quantities contradict each other, the sign is that with which a passive
+        joint explains more.
+        """
+        if self.resonates:
+            return int(np.sign(self.upright))
+        return next(iter(self._certain_signs), 0)
+
+    @property
+    def _certain_signs(self) -> set[int]:
+        """Return the signs of those of the three quantities that are certain."""
+        return {
+            _certain_sign(self.inertia, self.inertia_error),
+            _certain_sign(self.viscosity, self.viscosity_error),
+            _certain_sign(self.stiffness, self.stiffness_error),
+        } - {0}
+
+
+def _certain_sign(value: float, error: float) -> int:
+    """Return the sign of a value, and 0 where it is not certain."""
+    return int(np.sign(value)) if abs(value) > MIN_SIGN_SIGNIFICANCE * error else 0
 
 
 def check_ranges(columns: dict[str, np.ndarray]) -> list[str]:
@@ -172,7 +212,7 @@ def intrinsic(rate: float, position: np.ndarray, torque: np.ndarray) -> Intrinsi
     """
     # Strong reflexes of a relaxed ankle turn the sign of its stiffness around in this band where
     # they are not beside it. Which direction stretches the calf is not known yet.
-    estimates, weights, left, total = [], [], 0.0, 0.0
+    estimates, weights, left, upright, total = [], [], 0.0, 0.0, 0.0
     for x, y, *reflexes in segments(
         rate, position, torque, *late_stretches(np.gradient(position), rate)
     ):
@@ -187,6 +227,7 @@ def intrinsic(rate: float, position: np.ndarray, torque: np.ndarray) -> Intrinsi
         weights.append(float(np.mean(x**2)))
         left += float(np.sum((y - regressors @ solution) ** 2))
         total += float(np.sum(y**2))
+        upright += _upright(y, moved / scale, np.column_stack(reflexes))
     if len(estimates) < FEWEST_SEGMENTS or total == 0:
         return None
     # So many independent values has a segment in the band: regressors explain their share of noise.
@@ -198,31 +239,59 @@ def intrinsic(rate: float, position: np.ndarray, torque: np.ndarray) -> Intrinsi
     share = np.array(weights) / np.sum(weights)
     mean = share @ np.array(estimates)
     error = np.sqrt(share**2 @ (np.array(estimates) - mean) ** 2 * len(share) / (len(share) - 1))
-    return Intrinsic(float(mean[0]), float(error[0]), float(mean[2]), float(error[2]), explained)
+    (inertia, viscosity, stiffness), errors = mean.tolist(), error.tolist()
+    return Intrinsic(
+        inertia,
+        errors[0],
+        viscosity,
+        errors[1],
+        stiffness,
+        errors[2],
+        float(explained),
+        upright / total,
+    )
+
+
+def _upright(torque: np.ndarray, joint: np.ndarray, reflexes: np.ndarray) -> float:
+    """Return how much less of the sum of squares of a torque inertia, viscosity and stiffness, the
+    columns of `joint`, leave when they may not be negative than when they may not be positive; the
+    reflexes beside them may be either.
+    """
+    signals = np.column_stack([torque, joint])
+    signals -= reflexes @ np.linalg.lstsq(reflexes, signals, rcond=1e-6)[0]
+    left, mirrored = (nnls(sign * signals[:, 1:], signals[:, 0])[1] for sign in (1.0, -1.0))
+    return float(mirrored**2 - left**2)
 
 
 def check_intrinsic(found: Intrinsic, stated_sign: str) -> list[str]:
     """Return contradictions between an ankle's inertia and stiffness and those found under the
     stated units and sign.
 
-    Inertia decides where it is certain, because neither contraction nor reflexes change it;
-    stiffness otherwise.
+    Units are told by inertia where it is certain, and by stiffness otherwise.
     """
     values = f"inertia {found.inertia:.3g} ± {found.inertia_error:.1g} kg.m^2"
+    values += f", viscosity {found.viscosity:.3g} ± {found.viscosity_error:.1g} N.m.s/rad"
     values += f", stiffness {found.stiffness:.4g} ± {found.stiffness_error:.2g} N.m/rad"
-    if abs(found.inertia) > MIN_SIGN_SIGNIFICANCE * found.inertia_error:
-        value, (lowest, highest), unit = found.inertia, INERTIA_RANGE, "kg.m^2"
-    elif abs(found.stiffness) > MIN_SIGN_SIGNIFICANCE * found.stiffness_error:
-        value, (lowest, highest), unit = found.stiffness, STIFFNESS_RANGE, "N.m/rad"
-    else:
-        return []
     contradictions = []
-    if value < 0:
+    if found.sign < 0:
         other = "subject" if stated_sign == "rig" else "rig"
-        contradictions.append(
-            f"the torque's sign is not '{stated_sign}': it gives {values}, which are positive in "
-            f"an ankle; state '{other}'"
+        positive = (
+            "and with the other sign a passive joint explains more"
+            if found.resonates
+            else "which are positive in an ankle"
         )
+        contradictions.append(
+            f"the torque's sign is not '{stated_sign}': it gives {values}, {positive}; state "
+            f"'{other}'"
+        )
+    if found.resonates or found.sign == 0:
+        return contradictions
+    certain = _certain_sign(found.inertia, found.inertia_error) != 0
+    value, (lowest, highest), unit = (
+        (found.inertia, INERTIA_RANGE, "kg.m^2")
+        if certain
+        else (found.stiffness, STIFFNESS_RANGE, "N.m/rad")
+    )
     if not lowest <= abs(value) <= highest:
         guess = (
             "position in degrees, torque already in N.m, or torque by body mass"
