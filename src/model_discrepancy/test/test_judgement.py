@@ -46,7 +46,7 @@ def remainder(share, judged, torque_share=0.02, held=True):
     return Remainder(
         share=share,
         worst=share,
-        by_input={},
+        by_input={"velocity": share},
         plain_share=share,
         torque_share=torque_share,
         by_chance=0.03,
@@ -281,6 +281,50 @@ def test_behind_a_soft_servo_only_torque_before_a_movement_that_shows_something_
     null = SimpleNamespace(drawn_from=lambda noise: noise)
     fit = SimpleNamespace(terms=["stiffness"], residual=None, plain=None)
     assert criticism._most_predicted(problem, fit, null, None).judged is judged
+
+
+@pytest.mark.parametrize(
+    ("alone", "servo", "gives_way", "leaked"),
+    [
+        (-0.05, None, True, True),
+        (0.2, None, True, False),  # physics answers one quantity of the movement
+        (-0.05, "told by the command", True, False),
+        (-0.05, None, False, False),
+    ],
+)
+def test_what_only_several_inputs_predict_is_torque_that_moved_the_plate(
+    monkeypatch, alone, servo, gives_way, leaked
+):
+    """Behind a servo of which the holds tell roughly how it gives way they cancel the movement."""
+    bank = SimpleNamespace(unpredicted=lambda noise, parts: noise)
+    over_time = SimpleNamespace(unpredicted=lambda noise, parts: noise)
+    together = replace(
+        remainder(0.5, True, torque_share=0.007), by_input={"velocity": alone, "position": -0.1}
+    )
+    monkeypatch.setattr(
+        criticism,
+        "remainder",
+        lambda one, *_: together if one is bank else remainder(-0.1, True),
+    )
+    problem = SimpleNamespace(
+        servo=servo,
+        gives_way=gives_way,
+        in_a_loop=False,
+        bank=bank,
+        bank_over_time=over_time,
+        bank_over_torque=None,
+        fitter=SimpleNamespace(rows=SimpleNamespace(used=slice(None)), columns=None),
+        parts=None,
+        noise=np.zeros(4),
+    )
+    null = SimpleNamespace(drawn_from=lambda noise: noise)
+    fit = SimpleNamespace(terms=["stiffness"], residual=None, plain=None)
+    most = criticism._most_predicted(problem, fit, null, None)
+    assert most.leaked == leaked
+    assert most.significant == (not leaked)
+    nothing = found(1.0, effects=())
+    expected = "no_mismatch" if leaked else "unexplained"
+    assert judge(nothing, most, [], USUAL_VARIABILITY, LIKE_LEAKAGE)[0] == expected
 
 
 def ended(labels):

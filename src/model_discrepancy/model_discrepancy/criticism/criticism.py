@@ -178,10 +178,13 @@ def _most_predicted(problem: Problem, fit: Fit, null: Null, surrogates: np.ndarr
     What is missing physics comes first, then what exceeds chance by most.
     """
     held = not problem.in_a_loop
+    # The holds tell how the servo gives way to some per cent.
+    told_by_holds = problem.servo is None and problem.gives_way
 
     def predicted(bank: GenericBank, noise: np.ndarray, judged: bool) -> Remainder:
         found = remainder(bank, problem.fitter, fit.residual, fit.plain, problem.parts, noise)
-        return replace(found, judged=judged, held=held)
+        leaked = told_by_holds and found.by_cancelling
+        return replace(found, judged=judged and not leaked, held=held and not leaked, leaked=leaked)
 
     found = [predicted(problem.bank, surrogates, not problem.in_a_loop)]
     changing = [(problem.bank_over_time, not problem.in_a_loop)]
@@ -200,5 +203,6 @@ def _most_predicted(problem: Problem, fit: Fit, null: Null, surrogates: np.ndarr
         # That lowers chance, so that both halves have to exceed it.
         one = replace(predicted(bank, null.drawn_from(noise), judged), both_ways=True)
         # Where it shows nothing, names remain in doubt behind a servo that gives way.
-        found.append(one if one.significant else replace(one, judged=not problem.in_a_loop))
+        doubted = problem.in_a_loop or one.leaked
+        found.append(one if one.significant else replace(one, judged=not doubted))
     return max(found, key=lambda one: (one.significant, one.share - max(one.by_chance, 0.0)))

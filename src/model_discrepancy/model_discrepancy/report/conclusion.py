@@ -54,6 +54,11 @@ UNKNOWN_LOOP_SENTENCE = (
     "servo gives way: what is left of the torque may have moved the plate itself, and is no sign "
     "of missing physics"
 )
+LEAKED_SENTENCE = (
+    "no quantity of the movement predicts that alone, only several that cancel the movement: it is "
+    "what torque did to the plate, of which the holds tell only roughly how it gives way, and no "
+    "sign of missing physics"
+)
 PLAIN_SENTENCE = (
     "much is missing: the values follow from a fit to the plain torque, which large movements "
     "decide, and not from the whitened one"
@@ -96,6 +101,8 @@ def conclude(
     if problem.in_a_loop:
         unknown = problem.compliance is None
         verdict.reasons.append(UNKNOWN_LOOP_SENTENCE if unknown else LOOP_SENTENCE)
+    if criticism.after.leaked and criticism.after.criticises:
+        verdict.reasons.append(LEAKED_SENTENCE)
     if problem.activation_by_emg:
         verdict.reasons.append(EMG_SENTENCE)
     verdict.recording = _conditions(recording, problem.fitter, found.final)
