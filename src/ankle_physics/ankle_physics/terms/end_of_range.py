@@ -25,6 +25,8 @@ class EndOfRange(Term):
     name = "end_of_range"
     place = Place.INTRINSIC
     family = "static curve"
+    # With a wide toe about the middle of the movement the stiffness rises evenly.
+    generalises = ("position_dependent_stiffness",)
     separated_by = "steps about several mean positions"
     sentence = "From a certain angle on the joint has another stiffness."
     turn = Turn(
