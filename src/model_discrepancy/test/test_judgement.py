@@ -249,6 +249,20 @@ def test_names_that_take_off_little_are_none_where_torque_may_have_moved_the_pla
     assert judge(named, left, [], USUAL_VARIABILITY, LIKE_LEAKAGE)[0] == expected
 
 
+def most_predicted(servo=None, **problem):
+    """What the banks of a problem predict most of, where each predicts what a test says."""
+    problem = SimpleNamespace(
+        servo=servo,
+        fitter=SimpleNamespace(rows=SimpleNamespace(used=slice(None)), columns=None),
+        parts=None,
+        noise=np.zeros(4),
+        **problem,
+    )
+    null = SimpleNamespace(drawn_from=lambda noise: noise)
+    fit = SimpleNamespace(terms=["stiffness"], residual=None, plain=None)
+    return criticism._most_predicted(problem, fit, null, None)
+
+
 @pytest.mark.parametrize(
     ("torque_share", "without_rest", "judged"),
     [(0.0, 2, False), (0.02, 2, True), (0.02, 4, False)],
@@ -267,20 +281,14 @@ def test_behind_a_soft_servo_only_torque_before_a_movement_that_shows_something_
     monkeypatch.setattr(
         criticism, "remainder", lambda one, *_: replace(left[id(one)], by_chance=0.01)
     )
-    problem = SimpleNamespace(
-        servo=None,
+    most = most_predicted(
         gives_way=True,
         in_a_loop=True,
         bank=bank,
         bank_over_time=bank,
         bank_over_torque=before,
-        fitter=SimpleNamespace(rows=SimpleNamespace(used=slice(None)), columns=None),
-        parts=None,
-        noise=np.zeros(4),
     )
-    null = SimpleNamespace(drawn_from=lambda noise: noise)
-    fit = SimpleNamespace(terms=["stiffness"], residual=None, plain=None)
-    assert criticism._most_predicted(problem, fit, null, None).judged is judged
+    assert most.judged is judged
 
 
 @pytest.mark.parametrize(
@@ -306,20 +314,14 @@ def test_what_only_several_inputs_predict_is_torque_that_moved_the_plate(
         "remainder",
         lambda one, *_: together if one is bank else remainder(-0.1, True),
     )
-    problem = SimpleNamespace(
+    most = most_predicted(
         servo=servo,
         gives_way=gives_way,
         in_a_loop=False,
         bank=bank,
         bank_over_time=over_time,
         bank_over_torque=None,
-        fitter=SimpleNamespace(rows=SimpleNamespace(used=slice(None)), columns=None),
-        parts=None,
-        noise=np.zeros(4),
     )
-    null = SimpleNamespace(drawn_from=lambda noise: noise)
-    fit = SimpleNamespace(terms=["stiffness"], residual=None, plain=None)
-    most = criticism._most_predicted(problem, fit, null, None)
     assert most.leaked == leaked
     assert most.significant == (not leaked)
     nothing = found(1.0, effects=())

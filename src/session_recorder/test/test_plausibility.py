@@ -1,5 +1,7 @@
 """Sign and units of torque follow from an ankle whose reflexes are stronger than its stiffness."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
@@ -65,6 +67,15 @@ def test_a_resonance_in_the_band_does_not_turn_the_sign(sign, expected):
     assert found.inertia * sign < -0.005
     assert found.sign == expected
     assert bool(check_intrinsic(found, "rig")) is (sign < 0.0)
+
+
+def test_units_are_told_where_viscosity_alone_is_negative(relaxed):
+    """Late torque, or a reflex, turns the sign of viscosity round, and not that of inertia."""
+    found = replace(intrinsic(RATE, *relaxed), viscosity=-0.5, viscosity_error=0.01, upright=0.8)
+    assert found.contradicts_itself
+    assert check_intrinsic(found, "rig") == []
+    in_degrees = replace(found, inertia=found.inertia / 57.3, inertia_error=1e-6)
+    assert "the units" in check_intrinsic(in_degrees, "rig")[0]
 
 
 def test_noise_is_not_explained_by_movement(relaxed):

@@ -358,7 +358,7 @@ def _torque(
         )
         return
     proposal.torque_sign = "subject" if fit.sign < 0 else "rig"
-    why = "a passive joint explains more" if fit.resonates else "the inertia is positive"
+    why = "a passive joint explains more" if fit.contradicts_itself else "the inertia is positive"
     proposal.reasons.append(f"the torque has the {proposal.torque_sign}'s sign: with it {why}")
 
 

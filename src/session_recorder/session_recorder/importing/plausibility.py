@@ -82,7 +82,7 @@ class Intrinsic:
     upright: float
 
     @property
-    def resonates(self) -> bool:
+    def contradicts_itself(self) -> bool:
         """Say whether inertia, viscosity and stiffness contradict each other for certain: something
         resonates between sensor and foot, or the torque is late.
         """
@@ -96,7 +96,7 @@ class Intrinsic:
         Where the three quantities contradict each other, the sign is that with which a passive
         joint explains more.
         """
-        if self.resonates:
+        if self.contradicts_itself:
             return int(np.sign(self.upright))
         return next(iter(self._certain_signs), 0)
 
@@ -277,19 +277,20 @@ def check_intrinsic(found: Intrinsic, stated_sign: str) -> list[str]:
         other = "subject" if stated_sign == "rig" else "rig"
         positive = (
             "and with the other sign a passive joint explains more"
-            if found.resonates
+            if found.contradicts_itself
             else "which are positive in an ankle"
         )
         contradictions.append(
             f"the torque's sign is not '{stated_sign}': it gives {values}, {positive}; state "
             f"'{other}'"
         )
-    if found.resonates or found.sign == 0:
+    inertia = _certain_sign(found.inertia, found.inertia_error)
+    # An inertia of the other sign is that of a resonance, beside which stiffness tells no unit.
+    if found.sign == 0 or inertia == -found.sign:
         return contradictions
-    certain = _certain_sign(found.inertia, found.inertia_error) != 0
     value, (lowest, highest), unit = (
         (found.inertia, INERTIA_RANGE, "kg.m^2")
-        if certain
+        if inertia
         else (found.stiffness, STIFFNESS_RANGE, "N.m/rad")
     )
     if not lowest <= abs(value) <= highest:
