@@ -95,7 +95,9 @@ def integrated(time, k_s, b_s, maxwell_k=0.0, maxwell_T=0.05, K=stiffness_at):
     ]
 
 
-@pytest.mark.parametrize(("k_s", "b_s"), [(400.0, 1.0), (3000.0, 2.0)])
+@pytest.mark.parametrize(
+    ("k_s", "b_s"), [pytest.param(400.0, 1.0, marks=pytest.mark.slow), (3000.0, 2.0)]
+)
 def test_strap_torque_against_the_full_equation(k_s, b_s):
     model = Model.of(
         {

@@ -52,6 +52,7 @@ def test_the_foot_moves_as_in_the_simulation(name, shape):
         assert np.std(own[later] - expected) < 0.1 * np.std(expected - expected.mean())
 
 
+@pytest.mark.slow
 def test_a_stop_that_is_steep_for_the_sampling_rate_is_simulated():
     """What the foot makes of a sample would throw it back by more than it came."""
     stops = {"k_s": 330.0, "b_s": 11.0, "gap": 0.002, "k_stop": 90_000.0}

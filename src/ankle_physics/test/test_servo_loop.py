@@ -50,7 +50,14 @@ def test_the_plate_follows_the_equation_of_servo_and_joint():
     assert min(gaps) < 5e-4 * np.std(true.y[0])
 
 
-@pytest.mark.parametrize("term", ["lost_motion", "recovering_lost_motion", "coulomb_friction"])
+@pytest.mark.parametrize(
+    "term",
+    [
+        "lost_motion",
+        pytest.param("recovering_lost_motion", marks=pytest.mark.slow),
+        pytest.param("coulomb_friction", marks=pytest.mark.slow),
+    ],
+)
 def test_torque_that_jumps_at_a_reversal_has_one_motion(term):
     """The sign of the velocity at a single sample hangs on the torque, and the torque on it; at
     twice the rate the jump lies elsewhere, and the plate moves the same.

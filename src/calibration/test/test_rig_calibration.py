@@ -119,6 +119,7 @@ def test_a_rigs_hidden_imperfections_are_found(bag, tmp_path):
     assert RigFile.load(tmp_path / "rig.yaml").text() == rig.text()
 
 
+@pytest.mark.slow
 def test_a_bearing_that_slips_gradually_is_no_lag_of_the_sensor():
     """Friction of seals is rounded over a wide range of velocities; here by another curve."""
     position, velocity, acceleration = movements()[: int((INITIAL_REST + 56.0) * RATE)].T
@@ -136,6 +137,7 @@ def test_a_bearing_that_slips_gradually_is_no_lag_of_the_sensor():
     assert found.friction_velocity.value == pytest.approx(0.15 / 1.5, rel=0.2)
 
 
+@pytest.mark.slow
 def test_a_mode_with_little_damping_is_found_below_the_noise_of_all_frequencies():
     """As in `docs/calibration.md`: without its mode the inertia comes out a fifth too high."""
     terms = {

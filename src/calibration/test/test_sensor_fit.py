@@ -51,7 +51,14 @@ def made(lag=0.0, friction_lags=0.0, **changes):
     return Signals(RATE, **{"velocity": None, "reference": reference[:, 0], **channels, **changes})
 
 
-@pytest.mark.parametrize("friction_lags", [-0.001, 0.0, 0.001])
+@pytest.mark.parametrize(
+    "friction_lags",
+    [
+        pytest.param(-0.001, marks=pytest.mark.slow),
+        0.0,
+        pytest.param(0.001, marks=pytest.mark.slow),
+    ],
+)
 @pytest.mark.parametrize("lag", [0.0, 0.003])
 def test_a_lag_is_told_from_friction_that_comes_late_or_early(lag, friction_lags):
     found = identify_rig(made(lag, friction_lags))

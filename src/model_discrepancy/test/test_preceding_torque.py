@@ -102,6 +102,7 @@ def test_the_response_of_one_movement_is_that_of_the_reflex_term(columns):
     assert np.std(gap) < 0.1 * np.std(expected[used])
 
 
+@pytest.mark.slow
 def test_a_reflex_that_varies_does_not_follow_torque():
     """The independent rig without a mismatch: slow torque holds a part of each response."""
     *_, plan = plans({"null": 12}, 555)
@@ -121,7 +122,13 @@ def test_a_reflex_that_follows_torque_exceeds_chance():
     ("hidden", "seed", "name", "follows"),
     [
         ((), 9004, "activation_reflex_gain", False),
-        (("stiffness_follows_torque",), 9002, "activation_stiffness", True),
+        pytest.param(
+            ("stiffness_follows_torque",),
+            9002,
+            "activation_stiffness",
+            True,
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_without_rest_between_movements_too_only_what_follows_torque_exceeds_chance(
@@ -149,7 +156,8 @@ def test_what_is_held_beside_a_moment_holds_nothing_of_that_moment():
 
 
 @pytest.mark.parametrize(
-    ("hidden", "number", "follows"), [((), 64, False), (("reflex_follows_torque",), 0, True)]
+    ("hidden", "number", "follows"),
+    [pytest.param((), 64, False, marks=pytest.mark.slow), (("reflex_follows_torque",), 0, True)],
 )
 def test_of_a_continuous_movement_only_a_reflex_that_follows_torque_exceeds_chance(
     hidden, number, follows

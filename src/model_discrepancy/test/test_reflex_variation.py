@@ -56,6 +56,7 @@ def test_the_usual_variation_of_a_reflex_is_independent_and_in_time():
     assert found.unsteady == []
 
 
+@pytest.mark.slow
 def test_a_delay_that_wanders_is_measured():
     found = varies("wandering_delay")
     assert found.timing[0] == pytest.approx(0.009, abs=0.004)  # rms 10 ms, within its range
@@ -100,6 +101,7 @@ def test_a_startle_that_stiffens_the_joint_is_seen_and_is_no_matter_of_the_refle
     assert content["share_of_mean[1]"] == [value, error]
 
 
+@pytest.mark.slow
 def test_a_startle_shows_where_the_joint_is_held_and_not_while_it_is_moved():
     """Pulses and steps: pieces of the recording that hold a movement weigh most among all."""
     found = varies("startle_stiffening", variability_of_subject="small", protocol="pulse_step")
@@ -136,6 +138,7 @@ def test_an_earlier_reflex_that_varies_is_not_taken_for_the_response_to_the_next
     assert found.unusual == []
 
 
+@pytest.mark.slow
 def test_responses_of_a_varying_reflex_that_overlap_are_no_stiffness_that_varies():
     """In a binary sequence every second movement begins while a response lasts."""
     found = varies(protocol="binary")

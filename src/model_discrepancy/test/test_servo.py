@@ -109,6 +109,7 @@ def test_the_movement_that_is_fitted_with_holds_no_torque_that_no_movement_cause
     assert leak(problem.fitter.motion.position) < 0.25 * measured
 
 
+@pytest.mark.slow
 def test_without_a_command_the_holds_tell_how_the_servo_gives_way_at_each_frequency():
     """Voluntary torque, tremor and a reflex that varies move the plate of another engine."""
     plan = Plan(
@@ -146,7 +147,9 @@ def noisy_recording(protocol, seed=42):
     return made(plan).recording
 
 
-@pytest.mark.parametrize("protocol", ["binary", "equal_steps"])
+@pytest.mark.parametrize(
+    "protocol", ["binary", pytest.param("equal_steps", marks=pytest.mark.slow)]
+)
 def test_the_torque_sensors_noise_is_not_put_into_a_movement_whose_command_is_known(protocol):
     """Regressors of such a movement would predict the noise: 30 and 19 % of the residual."""
     problem = prepare(noisy_recording(protocol, 43))

@@ -57,7 +57,7 @@ def diagnosed(library, planted=None):
     ("name", "values"),
     [
         pytest.param("settling_reflex", {"Gt": -0.1, "T": 12.0}, id="settles"),
-        pytest.param("reflex_drift", {"Gt": -0.12}, id="does not"),
+        pytest.param("reflex_drift", {"Gt": -0.12}, id="does not", marks=pytest.mark.slow),
     ],
 )
 def test_a_reflex_that_settles_is_told_from_one_that_drifts(name, values):

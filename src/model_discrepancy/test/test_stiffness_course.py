@@ -135,7 +135,7 @@ def test_a_recording_that_is_short_has_no_course():
 
 
 @pytest.mark.parametrize("library", [RIVALS, pytest.param(None, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("planted", [PLANTED, {}])
+@pytest.mark.parametrize("planted", [PLANTED, pytest.param({}, marks=pytest.mark.slow)])
 def test_a_contraction_is_named_where_there_is_one(planted, library, tmp_path):
     """K is the mean over the recording, and the simulation makes more of the torque with it."""
     recording = simulate_trial(planted, seed=SEED, duration=DURATION_S, rate=RATE)

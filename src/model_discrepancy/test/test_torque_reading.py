@@ -73,6 +73,7 @@ def ringing():
     )
 
 
+@pytest.mark.slow
 def test_a_mode_of_the_sensor_moves_no_plate(ringing):
     left = []
     for reading in (None, TorqueReading(sensor={"torque_sensor_mode": MODE})):
