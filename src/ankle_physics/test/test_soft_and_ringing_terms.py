@@ -33,6 +33,18 @@ def test_bonds_of_several_yields_follow_their_equations():
     assert np.abs(found - expected).max() < 5e-3 * np.abs(expected).max()
 
 
+@pytest.mark.parametrize("power", [0.3, 2.0])
+def test_damping_follows_a_power_of_fast_movements_and_is_a_viscosity_at_rest(power):
+    def torque(velocity):
+        v = np.full(3, velocity)
+        damping = {"power_damping": {"D": 3.0, "p": power}}
+        return Model.of(damping).torque(Signals(RATE, v, v, np.zeros(3)))[0]
+
+    assert torque(1.0) == pytest.approx(3.0, rel=0.01)
+    assert torque(-4.0) == pytest.approx(-3.0 * 4.0**power, rel=0.01)
+    assert torque(2e-4) == pytest.approx(2.0 * torque(1e-4), rel=1e-3)
+
+
 THIXOTROPY = {"k": 200.0, "breaking": 0.01, "recovery": 0.3}
 
 

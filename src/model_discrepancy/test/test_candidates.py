@@ -49,6 +49,19 @@ def test_a_damping_that_levels_off_is_no_dry_friction_however_slowly():
     assert found.final.values["saturating_damping"]["vs"] == pytest.approx(0.1, rel=0.2)
 
 
+@pytest.mark.parametrize(
+    ("size", "power"), [(4.0, 0.5), pytest.param(1.5, 2.0, marks=pytest.mark.slow)]
+)
+def test_a_damping_that_follows_a_power_of_speed_is_told_from_one_that_levels_off(size, power):
+    planted = {"power_damping": {"D": size, "p": power}}
+    problem = prepare(simulate_trial(planted, seed=3, duration=40.0, protocol="random"))
+    null = Null.of(problem.noise, problem.fitter.rows.time, problem.fitter.rows.used)
+    library = ("saturating_damping", "coulomb_friction", "asymmetric_damping", "power_damping")
+    found = search(problem.fitter, problem.base, null, library)
+    assert [effect.trial.name for effect in found.effects] == ["power_damping"]
+    assert found.final.values["power_damping"]["p"] == pytest.approx(power, rel=0.1)
+
+
 def test_a_threshold_is_found_in_slow_movements():
     points = [point["vt"] for point in grid("reflex_threshold", 60.0)]
     assert min(points) <= 0.02 < 0.5 < max(points)

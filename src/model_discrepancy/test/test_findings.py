@@ -17,7 +17,7 @@ from model_discrepancy.fit.base_model import fit_base, is_alignment
 from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.movements import Onsets, find_onsets
-from model_discrepancy.fit.rows import Rows
+from model_discrepancy.fit.rows import LOW_PASS_HZ, Rows
 from model_discrepancy.problem import prepare
 from model_discrepancy.recording.channel_gains import channel_findings, trusted
 from model_discrepancy.recording.motion import motion_of, motion_step
@@ -32,9 +32,9 @@ def equal_steps():
     return simulate_trial({}, seed=2, duration=40.0, protocol="equal")
 
 
-def found_in(recording):
+def found_in(recording, limit=LOW_PASS_HZ):
     motion = motion_of(recording)
-    fitter = Fitter.of(motion)
+    fitter = Fitter.of(motion, limit)
     base = fit_base(fitter)
     return variability(fitter, base, recording.torque)
 
@@ -78,6 +78,13 @@ def test_a_weak_line_between_two_points_of_the_periodogram_is_found(equal_steps)
     line = 0.04 * np.sin(2 * np.pi * 50.25 * equal_steps.time)
     found = found_in(replace(equal_steps, torque=equal_steps.torque + line))
     assert found.line_hz == pytest.approx(50.25, abs=0.3)
+
+
+def test_a_line_above_the_band_of_the_fit_is_judged_by_its_size_in_the_torque(equal_steps):
+    for size, expected in ((0.1, pytest.approx(50.0, abs=0.5)), (0.02, None)):
+        line = size * np.sin(2 * np.pi * 50.0 * equal_steps.time)
+        recording = replace(equal_steps, torque=equal_steps.torque + line)
+        assert found_in(recording, limit=28.0).line_hz == expected
 
 
 def test_a_hump_is_no_line(equal_steps):

@@ -28,12 +28,13 @@ from model_discrepancy.fit.reflex_variation import (
     reflex_variation,
     since_movement,
 )
-from model_discrepancy.fit.rows import Rows
+from model_discrepancy.fit.rows import LOW_PASS_ORDER, Rows
 from model_discrepancy.fit.stiffness_variation import (
     stiffness_after_movements,
     stiffness_variation,
 )
 from model_discrepancy.recording.resolution import coarse_step
+from model_discrepancy.recording.spectrum import low_pass
 
 # Physiological tremor of the ankle: 6 to 12 Hz (Lakie, Vernooij, Osborne & Reynolds 2012, J.
 # Physiol. 590, 6145), and a margin.
@@ -48,6 +49,9 @@ SEGMENT_S = 2.0
 # at most, and noise adds to that. What a servo's resonance leaves shows 33 and 52 % there.
 LARGEST_SHOULDER = 0.3
 _SHOULDER_HZ = 1.0
+# Of the torque's variance: a tenth of what matters at all (`MATERIAL_SHARE`), since a line is seen
+# far below it. What a low-pass left of a servo's resonance seemed to be one of 5e-7 once.
+LEAST_LINE_SHARE = 1e-4
 # Width of a tremor's peak, and of the surroundings that it is compared with.
 _PEAK_HZ, _AROUND_HZ = 1.5, 5.0
 # After the plate's last movement: intrinsic torque, and the short-latency reflex. Its tail is not
@@ -99,7 +103,8 @@ class Variability:
     slow_torque
         Rms of the torque below 2 Hz that no movement makes [N.m].
     line_hz
-        Frequency of a narrow line outside the tremor's band, or None.
+        Frequency of a narrow line outside the tremor's band that holds at least `LEAST_LINE_SHARE`
+        of the recorded torque's power, or None.
     variation
         Largest ratio of the residual's power after movements to that at rest, the reflex' variation
         taken out; NaN where the joint is never at rest.
@@ -259,7 +264,7 @@ def variability(
     base
         The base model's fit, of whose stiffness a variation is a share; None: `fit` itself.
     """
-    tremor, line = _peaks(fitter, fit)
+    tremor, line = _peaks(fitter, fit, float(np.var(torque)))
     reflex = reflex_variation(fitter, fit)
     variation, window, share = _variation(fitter, fit, reflex.residual)
     slow = fitter.rows.slow(fit.left, _SLOW_HZ)
@@ -282,13 +287,14 @@ def variability(
 
 
 def _peaks(
-    fitter: Fitter, fit: Fit
+    fitter: Fitter, fit: Fit, variance: float
 ) -> tuple[tuple[tuple[float, float], tuple[float, float]] | None, float | None]:
-    """Return tremor, as `Variability.tremor`, and the frequency of a narrow line."""
+    """Return tremor, as `Variability.tremor`, and the frequency of a narrow line, given the
+    variance of the recorded torque [N.m^2].
+    """
     rows = fitter.rows
     segments = int(rows.used.sum() / (SEGMENT_S * rows.rate))
     frequency, power, around = _periodogram(rows, fit.plain)
-    distance = np.abs(frequency[:, None] - frequency[None, :])
     # A sum of sines or a binary sequence makes peaks in what no term describes, too. They are no
     # tremor and no pick-up.
     made = [_periodogram(rows, rows.plain(rows.spectrum(one))) for one in _products(fitter)]
@@ -298,9 +304,7 @@ def _peaks(
     tremor = None
     k = _highest(ratio, frequency, TREMOR_HZ)
     if ratio[k] > LEAST_PEAK:
-        inside = distance[k] < _PEAK_HZ
-        excess = float(np.sum(power[inside] - around[inside]) * (frequency[1] - frequency[0]))
-        rms = float(np.sqrt(max(excess, 0.0)))
+        rms = float(np.sqrt(_power_of_peak(frequency, power, around, k)))
         # A narrow-band process has 2 T Δf degrees of freedom, at least the number of segments.
         error = rms / np.sqrt(2.0 * max(segments, 1))
         tremor = (float(frequency[k]), float(frequency[1])), (rms, error)
@@ -308,7 +312,19 @@ def _peaks(
     shoulder = np.maximum(np.roll(ratio, beside), np.roll(ratio, -beside))
     ratio = np.where(shoulder - 1.0 < LARGEST_SHOULDER * (ratio - 1.0), ratio, 0.0)
     k = _highest(ratio, frequency, LINES_HZ)
-    return tremor, float(frequency[k]) if ratio[k] > LEAST_PEAK else None
+    passed = low_pass(frequency[k], rows.limit, LOW_PASS_ORDER) ** 2
+    share = _power_of_peak(frequency, power, around, k) / passed / variance
+    line = ratio[k] > LEAST_PEAK and share > LEAST_LINE_SHARE
+    return tremor, float(frequency[k]) if line else None
+
+
+def _power_of_peak(
+    frequency: np.ndarray, power: np.ndarray, around: np.ndarray, peak: int
+) -> float:
+    """Return the power [N.m^2] of a periodogram about a peak, beyond that of its surroundings."""
+    inside = np.abs(frequency - frequency[peak]) < _PEAK_HZ
+    excess = np.sum(power[inside] - around[inside]) * (frequency[1] - frequency[0])
+    return float(max(excess, 0.0))
 
 
 def _periodogram(rows: Rows, series: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
