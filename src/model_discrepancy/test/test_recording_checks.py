@@ -14,6 +14,7 @@ from model_discrepancy.recording.reading import STRANGE_COMMAND_SENTENCE, check
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import faults
 from model_discrepancy.recording.servo import identify_servo
+from model_discrepancy.recording.torque_range import range_sentences
 from model_discrepancy.recording.velocity_coupling import coupling_corner
 from model_discrepancy.tools.candidate_movements import candidates_for
 from simulation_study import planted_in_human, verdict_cases
@@ -65,6 +66,30 @@ def test_a_broken_rig_is_named(null_recording, words):
         assert said[3:] == ["ms", way, "the", "position"]
     else:
         assert words in found[0]
+
+
+def test_torque_that_is_cut_before_noise_is_added_is_saturated(null_recording):
+    cut = np.maximum(null_recording.torque, np.percentile(null_recording.torque, 6))
+    cut += 0.02 * np.random.default_rng(2).standard_normal(len(cut))
+    (found,) = faults(replace(null_recording, torque=cut))
+    assert "lower end" in found
+    assert "also while the plate moves" in found
+
+
+def test_torque_that_is_held_at_one_speed_is_not_saturated():
+    """A viscous load on ramps of one speed: torque of one value, also while the plate moves."""
+    rate, period = 1000.0, 2000
+    up = np.clip(np.arange(period) - 200.0, 0.0, 600.0) - np.clip(
+        np.arange(period) - 1200.0, 0.0, 600.0
+    )
+    position = 1e-4 * np.tile(up, 20)
+    noise = np.random.default_rng(3).standard_normal((2, len(position)))
+    velocity = np.gradient(position) * rate
+    assert range_sentences(5.0 * velocity + 0.01 * noise[0], position, rate) == []
+    faster = position + 0.01 * np.sin(2.0 * np.pi * 1.7 * np.arange(len(position)) / rate)
+    torque = 5.0 * np.gradient(faster) * rate
+    cut = np.minimum(torque, np.percentile(torque, 80)) + 0.01 * noise[1]
+    assert "upper end" in range_sentences(cut, faster, rate)[0]
 
 
 def test_swapped_channels_are_told_from_a_wrong_unit(null_recording):

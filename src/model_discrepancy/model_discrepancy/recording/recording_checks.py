@@ -14,6 +14,7 @@ from ankle_interfaces.saturation import saturation_sentences
 from ankle_physics.joint_profile import joint_in_force
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.spectrum import band, white_density
+from model_discrepancy.recording.torque_range import range_sentences
 from model_discrepancy.recording.torque_relation import LARGEST_SKEW_S, SHIFTS_S, relation_faults
 
 # The paper's ensembles hold 100 responses in 60 s; a third of that is the least that gives bands.
@@ -52,6 +53,7 @@ def faults(recording: Recording) -> list[str]:
     for column, values in channels.items():
         found += _channel_faults(column.split("[")[0], values, recording.rate)
     if not found:
+        found += range_sentences(recording.torque, recording.position, recording.rate)
         found += _spikes(channels, recording)
     if found:
         return found
