@@ -14,13 +14,16 @@ from ankle_physics.model import Model
 from ankle_physics.rig_file import RigFile
 from model_discrepancy.criticism.criticism import Criticism, criticise
 from model_discrepancy.fit.parallel import in_background, side_by_side
+from model_discrepancy.fit.standard_errors import with_errors
 from model_discrepancy.problem import (
     Problem,
     better_reading,
     knows_movement_better,
+    late_torque,
     prepare,
     with_better_course,
 )
+from model_discrepancy.recording.channel_gains import Finding
 from model_discrepancy.recording.reading import Reading, check, open_recording
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.report.conclusion import conclude
@@ -56,6 +59,8 @@ class Diagnosis:
         The terms that the search added.
     criticism
         What base and final model leave unexplained.
+    findings
+        What is wrong with a channel, which was put right before the search.
     """
 
     recording: Recording
@@ -63,6 +68,7 @@ class Diagnosis:
     problem: Problem | None = None
     found: Found | None = None
     criticism: Criticism | None = None
+    findings: Sequence[Finding] = ()
 
 
 def diagnose(
@@ -166,6 +172,11 @@ def _diagnose(
         else tuple(e.term.name for e in baseline.entries if e.term.name != "voluntary_torque")
     )
     problem = prepare(reading.trusted, terms, progress, rig)
+    late = late_torque(problem, terms, rig)
+    if late is not None:
+        progress(f"torque that is {1000.0 * late[0]:g} ms late explains far more")
+        reading = reading.on_time(*late)
+        problem = prepare(reading.trusted, terms, progress, rig)
     found, null = _searched(problem, library, progress)
     if found.effects and knows_movement_better(problem, found.final):
         progress("the movement that torque made is known better now: searching again")
@@ -187,9 +198,14 @@ def _diagnose(
     if is_misshapen(problem, found):
         found = choose_anew(problem.fitter, found, null, library, progress)
     complete(problem.fitter, found, null, library, progress)
+    if reading.findings and found.effects:
+        # What would be no mismatch beside sound channels is none beside one that was put right.
+        alone = criticise(problem, found, null, [], progress)
+        if alone.verdict == "no_mismatch":
+            found = found.nameless(with_errors(problem.fitter, found.base))
     criticism = criticise(problem, found, null, reading.findings, progress)
     verdict = conclude(reading.recording, problem, found, criticism, reading.findings, baseline)
-    return Diagnosis(reading.recording, verdict, problem, found, criticism)
+    return Diagnosis(reading.recording, verdict, problem, found, criticism, reading.findings)
 
 
 def is_misshapen(problem: Problem, found: Found) -> bool:

@@ -8,6 +8,7 @@ import numpy as np
 
 from model_discrepancy.recording.clear_movement import clear_spectra
 from model_discrepancy.recording.encoder_backlash import encoder_gap, motion_without_backlash
+from model_discrepancy.recording.known_rig import SKEW
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.servo import Servo
 from model_discrepancy.recording.velocity_coupling import coupling_corner
@@ -32,7 +33,7 @@ class Finding:
     ----------
     name
         ``velocity_gain``, ``position_gain``, ``channel_gain`` (one of the two), ``velocity_lag``,
-        ``velocity_coupling`` or ``backlash`` (of the encoder).
+        ``velocity_coupling``, ``backlash`` (of the encoder) or ``channel_skew``.
     location
         Place in the signal path.
     parameters
@@ -90,6 +91,22 @@ def channel_findings(recording: Recording, servo: Servo | None = None) -> list[F
         sentence = f"The velocity channel is {1000 * abs(lag):.1f} ms {word}."
         found.append(Finding("velocity_lag", SENSOR, {"lag[s]": (lag, lag_error)}, sentence))
     return found
+
+
+def late_finding(late: float, error: float) -> Finding:
+    """Return the finding that the torque channel is late.
+
+    Parameters
+    ----------
+    late, error
+        By how much, and the standard error [s].
+    """
+    word = "later" if late > 0 else "earlier"
+    sentence = (
+        f"The torque channel is read {1000 * abs(late):.1f} ms {word} than the position channel: "
+        "only so does the torque tell how the servo gave way."
+    )
+    return Finding(SKEW, "torque sensor", {"skew[s]": (late, error)}, sentence)
 
 
 def trusted(recording: Recording, findings: list[Finding]) -> Recording:

@@ -8,7 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from model_discrepancy.errors import DiagnosisError
-from model_discrepancy.recording.channel_gains import Finding, channel_findings, trusted
+from model_discrepancy.recording.channel_gains import (
+    Finding,
+    channel_findings,
+    late_finding,
+    trusted,
+)
+from model_discrepancy.recording.known_rig import on_time
 from model_discrepancy.recording.motion import motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import faults
@@ -40,6 +46,18 @@ class Reading:
     faults: list[str]
     findings: list[Finding]
     trusted: Recording
+
+    def on_time(self, late: float, error: float) -> Reading:
+        """Return the reading with a torque channel that is late put right, and named.
+
+        Parameters
+        ----------
+        late, error
+            By how much it is late, and the standard error [s].
+        """
+        torque = on_time(self.trusted.torque, self.trusted.rate, late)
+        findings = [*self.findings, late_finding(late, error)]
+        return replace(self, findings=findings, trusted=replace(self.trusted, torque=torque))
 
 
 def open_recording(source: Recording | str | Path) -> Recording:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from ankle_physics.model import TERMS_OF_GAINS, Model, StatedValue
 from ankle_physics.rig_file import RigFile
 from model_discrepancy.criticism.stated_fit import stated_fit
 from model_discrepancy.fit.standard_errors import with_errors
+from model_discrepancy.recording.known_rig import SKEW
 from model_discrepancy.report.fitted_model import fitted_model
 from model_discrepancy.report.html_report import write_report
 
@@ -103,4 +105,11 @@ def augmented_model(diagnosis: Diagnosis) -> Model:
         values = {**final.values, "missing_block": missing}
         together = with_errors(fitter, fitter.fit(list(values), values, evaluations=10))
         final = stated_fit(fitter, together, diagnosis.criticism.after)
+    for finding in diagnosis.findings:
+        if finding.name == SKEW:
+            # The search did not see it, but a simulation of the recording does.
+            late, error = finding.parameters["skew[s]"]
+            late += final.values.get(SKEW, {"skew": 0.0})["skew"]
+            values = {**final.values, SKEW: {"skew": late}}
+            final = replace(final, values=values, errors={**final.errors, SKEW: {"skew": error}})
     return fitted_model(final, f"{diagnosis.recording.name}: fitted by diagnosis")

@@ -174,10 +174,11 @@ def effect_entry(
 
 def finding_entry(finding: Finding) -> dict[str, Any]:
     """Return what the signals themselves show, as an effect."""
+    term = term_library().get(finding.name)
     return {
         "name": finding.name,
         "stated": finding.name,
-        "family": "gain or lag of a channel" if finding.name != "backlash" else "backlash",
+        "family": "gain or lag of a channel" if term is None else term.family,
         "belongs_to": "rig",
         "location": finding.location,
         "parameters": {key: list(value) for key, value in finding.parameters.items()},

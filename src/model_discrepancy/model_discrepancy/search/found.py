@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -235,6 +235,26 @@ class Found:
     base_reflex_stands_in: bool = False
     base_held_out: HeldOut = field(init=False, repr=False)
     final_held_out: HeldOut = field(init=False, repr=False)
+
+    def nameless(self, base: Fit) -> Found:
+        """Return what is left where no name is worth stating.
+
+        Parameters
+        ----------
+        base
+            The base model's fit, with standard errors.
+        """
+        other = replace(
+            self,
+            final=base,
+            effects=[],
+            refinements=[],
+            inflexible=None,
+            unrefined=None,
+            reflex_stands_in=self.base_reflex_stands_in,
+        )
+        other.base_held_out = other.final_held_out = self.base_held_out
+        return other
 
     @property
     def compared(self) -> Fit:
