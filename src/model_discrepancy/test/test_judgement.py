@@ -87,6 +87,24 @@ def test_names_that_leakage_may_have_made_are_no_mismatch(base, judged, expected
     assert judge(found(0.7), left, [], USUAL_VARIABILITY, scores)[0] == expected
 
 
+@pytest.mark.parametrize(
+    ("predictable", "left", "score", "expected"),
+    [
+        (0.97, 0.02, 0.42, "explained"),  # nearly all was predictable, and nothing is any more
+        (0.60, 0.02, 0.42, "no_mismatch"),  # torque that moved the plate makes as much of it so
+        (0.97, 0.12, 0.42, "no_mismatch"),  # the name does not take it away
+        (0.97, 0.02, 0.65, "no_mismatch"),
+    ],
+)
+def test_a_name_that_takes_away_all_that_was_predictable_is_no_leakage(
+    predictable, left, score, expected
+):
+    """Voluntary torque hides what a name predicts of the plain torque."""
+    rest = remainder(left, False, torque_share=0.0, held=False)
+    scores = replace(LIKE_LEAKAGE, base=LIKE_LEAKAGE.augmented, predictable=predictable)
+    assert judge(found(score), rest, [], USUAL_VARIABILITY, scores)[0] == expected
+
+
 def test_too_little_torque_is_no_mismatch_whatever_predicts_it():
     small = remainder(0.3, False, torque_share=8e-4, held=False)
     assert judge(found(0.5), small, [], USUAL_VARIABILITY, SCORES)[0] == "explained"

@@ -120,7 +120,7 @@ def criticise(
     base_map = residual_map(fitter.columns, problem.base)
     ceiling = ceiling_vaf(fitter.columns, final, final_scored.vaf, after)
     varies = variability(fitter, final, problem.recording.torque, problem.base)
-    scores = Scores(base_scored.vaf, final_scored.vaf, ceiling[1])
+    scores = Scores(base_scored.vaf, final_scored.vaf, ceiling[1], before.share)
     verdict, closed = judge(found, after, findings, varies, scores)
     block, missing = None, ""
     if verdict == "unexplained":
