@@ -15,11 +15,11 @@ from ankle_physics.rig_file import RigFile
 from model_discrepancy.criticism.criticism import Criticism, criticise
 from model_discrepancy.fit.parallel import in_background, side_by_side
 from model_discrepancy.fit.standard_errors import with_errors
+from model_discrepancy.late_torque import late_torque
 from model_discrepancy.problem import (
     Problem,
     better_reading,
     knows_movement_better,
-    late_torque,
     prepare,
     with_better_course,
 )

@@ -21,19 +21,15 @@ from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.generic_bank import GenericBank, cross_score
 from model_discrepancy.fit.halves import interleaved
 from model_discrepancy.fit.held_torque import following
-from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.fit.rows import LOW_PASS_HZ
-from model_discrepancy.fit.standard_errors import with_errors
 from model_discrepancy.fit.stiffness_course import better_course, stiffness_course
 from model_discrepancy.loaded_servo import LoadedServo, fitted_in_loop, gives_way
 from model_discrepancy.recording.compliance import Compliance, held_compliance
 from model_discrepancy.recording.emg_activation import emg_activation
 from model_discrepancy.recording.known_rig import (
-    SKEW,
     calibrated,
     held_terms,
     known_compliance,
-    on_time,
 )
 from model_discrepancy.recording.motion import ACTIVATION_HZ, Motion, motion_of, motion_step
 from model_discrepancy.recording.recording import Recording
@@ -55,16 +51,6 @@ BETTER_COURSE = 0.02
 # changes the movement by less than a sixth of what was taken from it, and a second search takes as
 # long as the first.
 CLEARER_MOVEMENT = 0.3
-# Delays of the torque channel that are tried where it tells what moved the plate [s], and the steps
-# from the best of them to better ones. With 2 ms too much a search still went astray.
-TRIED_LATE_S = (-0.008, -0.004, 0.004, 0.008)
-LATE_STEPS_S = (0.002, 0.001)
-# Of the whitened residual of the base model, that generic regressors predict: in 10 recordings of
-# another engine without mismatch, whose servo gives way, 0.59 at most.
-UNCLEAR_MOVEMENT = 0.7
-# Of the base model's error. With torque that was 6 ms late, delays of 4 and 8 ms left 0.39 and 0.30
-# of it, and the right one 0.17.
-COARSE_LATE_ERROR, LATE_ERROR = 0.6, 0.4
 # Resolution of the coherence: 2 Hz, so that a minute gives more than a hundred averages.
 _SEGMENT_S = 0.5
 
@@ -309,53 +295,6 @@ def with_better_course(problem: Problem, final: Fit) -> Problem | None:
     fitter = problem.fitter.along(motion)
     bank = None if problem.activation_by_emg else _bank_over_torque(fitter)
     return replace(problem, fitter=fitter, bank_over_torque=bank)
-
-
-def late_torque(
-    problem: Problem, terms: Sequence[str] = PAPER_TERMS, rig: RigFile | None = None
-) -> tuple[float, float] | None:
-    """Return by how much the torque channel is late [s], with its standard error, where that
-    decides which movement the plate seems to make; None where it does not, or no delay leaves far
-    less error.
-
-    Torque that is read late seems to move a plate that gives way after it moved. No delay beside
-    the movement that follows from this explains the torque: with 6 ms, an appendage of the plate
-    and a mode of the sensor were searched for ten minutes.
-
-    Parameters
-    ----------
-    problem
-        The present one.
-    terms, rig
-        As `prepare` takes them.
-    """
-    if problem.servo is not None or SKEW in problem.fitter.held or not problem.gives_way:
-        return None
-    if problem.told_compliance is None or problem.predicted(problem.base) < UNCLEAR_MOVEMENT:
-        return None
-    recording = problem.recording
-
-    def put_right(late: float) -> Problem:
-        torque = on_time(recording.torque, recording.rate, late)
-        return prepare(replace(recording, torque=torque), terms, rig=rig)
-
-    def error(late: float) -> float:
-        return put_right(late).base.score
-
-    errors = dict(zip(TRIED_LATE_S, in_parallel(error, TRIED_LATE_S), strict=True))
-    best = min(errors, key=lambda late: errors[late])
-    if errors[best] > COARSE_LATE_ERROR * problem.base.score:
-        return None
-    for step in LATE_STEPS_S:
-        beside = (best - step, best + step)
-        errors |= zip(beside, in_parallel(error, beside), strict=True)
-        best = min(errors, key=lambda late: errors[late])
-    if errors[best] > LATE_ERROR * problem.base.score:
-        return None
-    # So near to the right movement a fit tells the rest.
-    near = put_right(best)
-    fit = with_errors(near.fitter, near.fitter.fit([*near.base.terms, SKEW], near.base.values))
-    return best + fit.values[SKEW]["skew"], fit.errors[SKEW]["skew"]
 
 
 def better_reading(problem: Problem, final: Fit) -> TorqueReading | None:

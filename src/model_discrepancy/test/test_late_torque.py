@@ -9,7 +9,8 @@ import pytest
 
 from ankle_physics.model import Model
 from model_discrepancy.diagnose import diagnose
-from model_discrepancy.problem import late_torque, prepare
+from model_discrepancy.late_torque import late_torque
+from model_discrepancy.problem import prepare
 from model_discrepancy.recording.known_rig import on_time
 from model_discrepancy.report.verdict import Verdict
 from model_discrepancy.search.found import Found
@@ -33,7 +34,7 @@ def test_a_delay_is_found_where_it_decides_which_movement_the_plate_made():
 
 def test_without_a_delay_none_is_looked_for(monkeypatch):
     problem = prepare(recording_of(0.0))
-    monkeypatch.setattr("model_discrepancy.problem.in_parallel", None)
+    monkeypatch.setattr(sys.modules[late_torque.__module__], "in_parallel", None)
     assert late_torque(problem) is None
 
 
