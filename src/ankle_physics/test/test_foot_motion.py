@@ -29,6 +29,7 @@ def _plate(rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         ("stiffening_fixation", {"curvature": 60.0}),
         ("stiffening_fixation", {"curvature": -80.0}),
         ("fixation_stops", {"gap": 0.002, "k_stop": 3000.0}),
+        ("heel_lift", {"k_lift": 200.0, "lift": -0.001}),
     ],
 )
 def test_the_foot_moves_as_in_the_simulation(name, shape):

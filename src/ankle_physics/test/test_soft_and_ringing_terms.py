@@ -193,6 +193,22 @@ def test_a_foot_that_strikes_stops_follows_newton(k_stop):
     assert 0.05 < np.mean(struck) < 0.95
 
 
+@pytest.mark.parametrize("lift", [0.0005, 0.001])
+def test_a_foot_that_lifts_off_the_plate_follows_newton(lift):
+    k, b, k_lift = 1500.0, 2.0, 300.0
+    lifted = []
+
+    def pressed(e):
+        return np.where(e > lift, k * (e - lift), k_lift * (e - lift))
+
+    def strap(e, rate):
+        lifted.append(np.any(e < lift))
+        return pressed(e) - pressed(0.0) + b * rate
+
+    _assert_newton("heel_lift", {"k_s": k, "b_s": b, "k_lift": k_lift, "lift": lift}, strap)
+    assert 0.05 < np.mean(lifted) < 0.95
+
+
 def test_friction_of_the_bearing_is_read_in_front_of_the_straps():
     soft = {"inertia": {"I": 0.0137}, "fixation_compliance": {"k_s": 600.0, "b_s": 1.0}}
     rubs = {**soft, "coulomb_friction": {"F": 1.5, "v0": 0.02}}

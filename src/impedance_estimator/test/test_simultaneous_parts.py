@@ -178,6 +178,7 @@ def test_a_delay_of_the_torque_is_found_and_b_and_i_are_those_of_the_joint():
         assert misfit.max() > 0.1
 
 
+@pytest.mark.slow
 def test_explained_motion_is_free_of_what_the_instrument_does_not_carry():
     """A regression on motion that the torque's noise has moved is biased; on the part that the
     instrument explains it is not.

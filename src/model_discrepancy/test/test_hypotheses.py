@@ -142,6 +142,22 @@ def test_a_hypothesis_that_stays_behind_is_given_up(monkeypatch):
     assert Scripted().best().current.score == 33.0
 
 
+def test_where_all_hypotheses_need_many_terms_the_best_one_goes_on_alone(monkeypatch):
+    monkeypatch.setattr(hypotheses, "MOST_TERMS_SIDE_BY_SIDE", 3)
+    ahead = ("maxwell_relaxation", "tendon", "backlash")
+    behind = ("dahl_hysteresis", "long_latency_reflex", "backlash")
+    monkeypatch.setitem(SCORES, behind[:2], 34.0)
+    monkeypatch.setitem(SCORES, behind, 33.5)
+    monkeypatch.setitem(SCORES, (*ahead, "lost_motion"), 32.0)
+    monkeypatch.setitem(SCORES, (*behind, "lost_motion"), 1.0)
+    search = Scripted()
+    assert search.best().current.terms == (*ahead, "lost_motion")
+    assert behind not in search.steps
+    monkeypatch.setattr(hypotheses, "MOST_TERMS_SIDE_BY_SIDE", 4)
+    search = Scripted()
+    assert search.best().current.terms == (*behind, "lost_motion")
+
+
 def test_the_first_hypothesis_is_given_up_where_a_fork_is_well_ahead(monkeypatch):
     first = ("maxwell_relaxation", "tendon", "backlash")
     ahead = ("dahl_hysteresis", "long_latency_reflex", "backlash")

@@ -161,8 +161,9 @@ def test_a_residual_that_stays_predictable_is_not_explained_however_little_torqu
 @pytest.mark.parametrize(
     ("left", "held", "expected"),
     [
-        (0.12, True, "unexplained"),
+        (0.14, True, "unexplained"),
         (0.08, True, "no_mismatch"),
+        (0.12, True, "no_mismatch"),  # 0.03 of it by chance
         (0.4, False, "no_mismatch"),  # torque may have moved the plate
     ],
 )

@@ -50,8 +50,9 @@ GAP_CLOSED_BESIDE_LEAKAGE = 0.5
 # Where torque does not move the plate, right names left up to 20 % of the whitened residual
 # predictable, those that stood in for another effect 31 and 32 %, however little torque that was.
 LARGEST_PREDICTABLE_WITHOUT_LOOP = 0.25
-# Recordings without a mismatch left at most 8.5 % there (177 of them, servos that give way among
-# them; the second 3 %); with an effect that was not named 21 to 35 %.
+# Beyond what chance predicts. Recordings without a mismatch left at most 8.5 % there (201 of three
+# engines, servos that give way among them; the second 6 %); with an effect that was not named 21 to
+# 35 %, chance included.
 LARGEST_WITHOUT_NAMES = 0.1
 # The same of the plain torque, to which the whitened residual's highest frequencies add little:
 # names that close less of its gap describe something else. Right names closed 86 % and more, those
@@ -131,7 +132,10 @@ def judge(
     unusual = bool(varies.unusual)
     if not found.effects:
         # More than noise lets the movement predict.
-        predicts_residual = remainder.held and remainder.criticises and left > LARGEST_WITHOUT_NAMES
+        beyond_chance = left - max(remainder.by_chance, 0.0)
+        predicts_residual = (
+            remainder.held and remainder.criticises and beyond_chance > LARGEST_WITHOUT_NAMES
+        )
         if predictable or unusual or unsteady or predicts_residual or found.reflex_stands_in:
             return "unexplained", 0.0
         return ("explained", 1.0) if findings else ("no_mismatch", float("nan"))

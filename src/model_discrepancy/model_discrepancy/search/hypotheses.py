@@ -20,7 +20,15 @@ from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.search.candidates import Candidates
-from model_discrepancy.search.found import REFINEMENT, Effect, Found, Progress, Trial, is_usual
+from model_discrepancy.search.found import (
+    MOST_EXACT_TERMS,
+    REFINEMENT,
+    Effect,
+    Found,
+    Progress,
+    Trial,
+    is_usual,
+)
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.hypothesis import Fork, Hypothesis
 from model_discrepancy.search.null import Null
@@ -49,6 +57,9 @@ LEAST_TERMS_FORKED = 3
 MOST_NEAR = 3
 # Hypotheses beside the first one; each may take as long as that one.
 MOST_FORKS = 2
+# Hypotheses with this many terms each have shown which of them lasts: further terms correct what no
+# equation of theirs is exact about, and take longer with each.
+MOST_TERMS_SIDE_BY_SIDE = MOST_EXACT_TERMS + 1
 # A hypothesis that is behind by more than this, two terms after the fork, stays so.
 BEHIND_RATIO = 1.05
 # Of two terms the equations may be exact, so that less decides: as much as takes an effect's odds
@@ -128,11 +139,7 @@ class Hypotheses:
         else:
             self._follow(first)
             followed = [first, self._again(before)]
-        best = first
-        for other in followed[1:]:
-            if self._preferred(other, best):
-                best = other
-        best = self._usual(first.first, best)
+        best = self._usual(first.first, self._best_of(followed))
         alone = self._alone(first.first, best)
         best = alone if alone is not None else best
         best.found.other_models = [h.current for h in followed if _is_another(h, best)]
@@ -149,7 +156,8 @@ class Hypotheses:
         return Hypothesis(found, current, self._candidates, self._progress, begun)
 
     def _side_by_side(self, first: Hypothesis) -> list[Hypothesis]:
-        """Return a hypothesis and its forks, followed until each ends or is well behind another.
+        """Return a hypothesis and its forks, followed until each ends or is well behind another;
+        the best one alone where all need many terms.
 
         Those with the fewest terms are the next in turn, so that what is compared is equally long.
         """
@@ -157,14 +165,21 @@ class Hypotheses:
             self._add_one(first)
         followed = [first]
         while active := [hypothesis for hypothesis in followed if not hypothesis.ended]:
-            followed += (forked := self._forked(followed))
-            active += forked
+            if min(hypothesis.count for hypothesis in active) < MOST_TERMS_SIDE_BY_SIDE:
+                followed += (forked := self._forked(followed))
+                active += forked
             least = min(hypothesis.count for hypothesis in active)
             in_parallel(self._add_one, [h for h in active if h.count == least])
             for hypothesis in active:
                 others = [other for other in followed if other is not hypothesis]
                 if any(hypothesis.is_behind(other, BEHIND_RATIO) for other in others):
                     hypothesis.ended = hypothesis.behind = True
+            active = [hypothesis for hypothesis in active if not hypothesis.ended]
+            if active and min(h.count for h in active) >= MOST_TERMS_SIDE_BY_SIDE:
+                best = self._best_of(active)
+                for hypothesis in active:
+                    if hypothesis is not best:
+                        hypothesis.ended = hypothesis.behind = True
         return followed
 
     def _forked(self, followed: Sequence[Hypothesis]) -> list[Hypothesis]:
@@ -212,6 +227,14 @@ class Hypotheses:
                 self._add(other, trial)
         self._follow(other)
         return other
+
+    def _best_of(self, followed: Sequence[Hypothesis]) -> Hypothesis:
+        """Return the hypothesis that is preferred to all others, the first of equal ones."""
+        best = followed[0]
+        for other in followed[1:]:
+            if self._preferred(other, best):
+                best = other
+        return best
 
     def _preferred(self, other: Hypothesis, best: Hypothesis) -> bool:
         """Say whether another hypothesis leaves a plausible joint where the best one does not, or
