@@ -26,6 +26,7 @@ from model_discrepancy.problem import (
 from model_discrepancy.recording.channel_gains import Finding
 from model_discrepancy.recording.reading import Reading, check, open_recording
 from model_discrepancy.recording.recording import Recording
+from model_discrepancy.recording.torque_reading import TorqueReading
 from model_discrepancy.report.conclusion import conclude
 from model_discrepancy.report.result_folder import write_results
 from model_discrepancy.report.verdict import Verdict
@@ -182,7 +183,7 @@ def _diagnose(
         progress("the movement that torque made is known better now: searching again")
         problem = prepare(reading.trusted, terms, progress, rig, found.final)
         found, null = _searched(problem, library, progress, found)
-    told = better_reading(problem, found.final) if found.effects else None
+    told = _told_reading(problem, found)
     if told is not None:
         progress("what the torque sensor does is known better now: searching again")
         other = prepare(reading.trusted, terms, progress, rig, reading=told)
@@ -206,6 +207,15 @@ def _diagnose(
     criticism = criticise(problem, found, null, reading.findings, progress)
     verdict = conclude(reading.recording, problem, found, criticism, reading.findings, baseline)
     return Diagnosis(reading.recording, verdict, problem, found, criticism, reading.findings)
+
+
+def _told_reading(problem: Problem, found: Found) -> TorqueReading | None:
+    """Return how the torque sensor reads, as what was found tells; None where it says nothing new,
+    or beside many terms, where a mode of the sensor is as likely to stand in for something else.
+    """
+    if not found.effects or found.needs_many_terms:
+        return None
+    return better_reading(problem, found.final)
 
 
 def is_misshapen(problem: Problem, found: Found) -> bool:

@@ -1,6 +1,8 @@
 """The torque that moves a servo which gives way is the one that acts, not the one that is read."""
 
+import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -86,6 +88,17 @@ def test_a_mode_of_the_sensor_moves_no_plate(ringing):
         assert told is None or told.sensor.keys() == {"torque_sensor_mode"}
     assert better_reading(prepare(ringing), problem.base) is None
     assert left[0] > left[1] + 0.03
+
+
+@pytest.mark.parametrize(("names", "many", "asked"), [(1, False, 1), (0, False, 0), (6, True, 0)])
+def test_many_terms_tell_nothing_of_the_sensor(monkeypatch, names, many, asked):
+    said = []
+    # The package's name for it is the function.
+    diagnosing = sys.modules["model_discrepancy.diagnose"]
+    monkeypatch.setattr(diagnosing, "better_reading", lambda *_: said.append(True))
+    found = SimpleNamespace(effects=[None] * names, needs_many_terms=many, final=None)
+    assert diagnosing._told_reading(None, found) is None
+    assert len(said) == asked
 
 
 @pytest.mark.slow
