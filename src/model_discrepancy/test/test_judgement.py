@@ -174,6 +174,20 @@ def test_without_names_more_of_the_residual_than_ever_without_a_mismatch_is_one(
     assert judge(found(1.0, effects=()), left, [], USUAL_VARIABILITY, SCORES)[0] == expected
 
 
+@pytest.mark.parametrize(
+    ("gained", "cut", "expected"),
+    [
+        (0.003, 0.07, "no_mismatch"),
+        (0.003, 0.12, "explained"),  # far more of the residual
+        (0.05, 0.07, "explained"),  # torque that matters
+    ],
+)
+def test_names_that_change_no_torque_that_matters_are_no_mismatch(gained, cut, expected):
+    scores = Scores(base=98.2, augmented=98.2 + gained, ceiling=99.0)
+    nothing = remainder(0.0, True, torque_share=0.0)
+    assert judge(found(1.0 - cut), nothing, [], USUAL_VARIABILITY, scores)[0] == expected
+
+
 def test_a_reflex_at_the_bound_of_its_range_is_a_mismatch_where_nothing_else_is():
     """A late reflex: the paper's takes its place, with the longest delay that it may have."""
     nothing = remainder(0.0, True)
