@@ -37,6 +37,7 @@ def found(
         shape_corrected=False,
         contradicted=contradicted,
         ends_at_bounds=at_bounds,
+        immaterial=False,
         reflex_stands_in=stands_in,
         base_reflex_stands_in=base_stands_in,
     )
@@ -175,17 +176,25 @@ def test_without_names_more_of_the_residual_than_ever_without_a_mismatch_is_one(
 
 
 @pytest.mark.parametrize(
-    ("gained", "cut", "expected"),
+    ("torque_share", "joint_change", "cut", "expected"),
     [
-        (0.003, 0.07, "no_mismatch"),
-        (0.003, 0.12, "explained"),  # far more of the residual
-        (0.05, 0.07, "explained"),  # torque that matters
+        (1e-5, 0.004, 0.07, "no_mismatch"),
+        (1e-5, 0.004, 0.12, "explained"),  # far more of the residual
+        (2e-3, 0.004, 0.07, "explained"),  # torque that matters
+        (1e-5, 0.3, 0.07, "explained"),  # a joint of another stiffness
     ],
 )
-def test_names_that_change_no_torque_that_matters_are_no_mismatch(gained, cut, expected):
-    scores = Scores(base=98.2, augmented=98.2 + gained, ceiling=99.0)
+def test_names_that_change_nothing_that_matters_are_no_mismatch(
+    torque_share, joint_change, cut, expected
+):
+    scores = Scores(base=98.2, augmented=98.203, ceiling=99.0)
+    trial = SimpleNamespace(torque_share=torque_share, joint_change=joint_change)
+    found_so = found(1.0 - cut)
+    found_so.immaterial = Found.immaterial.fget(
+        SimpleNamespace(effects=[SimpleNamespace(trial=trial)])
+    )
     nothing = remainder(0.0, True, torque_share=0.0)
-    assert judge(found(1.0 - cut), nothing, [], USUAL_VARIABILITY, scores)[0] == expected
+    assert judge(found_so, nothing, [], USUAL_VARIABILITY, scores)[0] == expected
 
 
 def test_a_reflex_at_the_bound_of_its_range_is_a_mismatch_where_nothing_else_is():

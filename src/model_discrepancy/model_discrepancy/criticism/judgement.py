@@ -64,11 +64,10 @@ MIN_GAP_SHARE = 0.1
 # They are no mismatch where they take off less of the whitened error, too: without a mismatch such
 # names took off up to 0.39, and of 219 recordings with effects that were explained, none was so.
 LEAST_USEFUL_CUT = 0.4
-# Names that raise the VAF by less than this [%] and take off less than this share of the whitened
-# error change nothing that anybody uses: a tenth of the torque that matters (`MATERIAL_SHARE`).
-# Friction of 0.02 N.m beside a torque of 2.7 N.m rms, where there was none, raised it by 0.003 and
-# took off 0.07; right names that raised it as little took off 0.13 and more.
-LEAST_VAF_RAISED = 0.01
+# Names that predict no plain torque, change nothing that matters in the final model
+# (`Found.immaterial`) and take off less than this share of the whitened error are no mismatch.
+# Friction of 0.02 N.m took off 0.07 where there was none; right names that raised the VAF as little
+# took off 0.13 and more.
 LEAST_CUT_WITHOUT_TORQUE = 0.1
 # Where torque may have moved the plate and no command tells, what generic regressors predict is not
 # called missing physics. Neither are names that close less than this share of the same gap, of the
@@ -164,10 +163,8 @@ def judge(
     least = LEAST_CUT_WHERE_HELD if remainder.held else LEAST_CUT
     # Names that predict no torque on unseen data follow torque that moved the plate.
     leak = useless and not remainder.held
-    immaterial = gained < LEAST_VAF_RAISED and found.cut < LEAST_CUT_WITHOUT_TORQUE
-    if (leak or (useless and immaterial) or found.cut < least) and not (
-        predictable or unusual or findings
-    ):
+    immaterial = useless and found.immaterial and found.cut < LEAST_CUT_WITHOUT_TORQUE
+    if (leak or immaterial or found.cut < least) and not (predictable or unusual or findings):
         return "no_mismatch", float("nan")
     # Of the torque that the movement predicts at all.
     leaves_torque = gained < GAP_CLOSED_IN_TORQUE * (gained + 100.0 * remainder.torque_share)

@@ -277,6 +277,17 @@ class Found:
         return bool(self.refinements) or any(trial.criticises for trial in self.near)
 
     @property
+    def immaterial(self) -> bool:
+        """Say whether no effect changes torque, K or B that matters, beside the others of the final
+        model.
+        """
+        return all(
+            effect.trial.torque_share < LEAST_TERM_SHARE
+            and effect.trial.joint_change < LEAST_JOINT_CHANGE
+            for effect in self.effects
+        )
+
+    @property
     def contradicted(self) -> bool:
         """Say whether a term that was not accepted shows that the named ones are not right."""
         return any(trial.contradicts for trial in self.near)
