@@ -39,7 +39,7 @@ class HeelLift(FixationCompliance):
             "N.m/rad",
             20.0,
             50000.0,
-            400.0,
+            900.0,
             "by reasoning: from as soft as a relaxed ankle, where straps are loose, to as stiff as "
             "the sole",
             tried=(100.0, 400.0, 10000.0),
