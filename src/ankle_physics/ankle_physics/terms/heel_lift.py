@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ankle_physics.term import Parameter, Place, Values
+from ankle_physics.term import Parameter, Values
 from ankle_physics.terms.fixation_compliance import FixationCompliance
 
 
@@ -22,8 +22,6 @@ class HeelLift(FixationCompliance):
     """
 
     name = "heel_lift"
-    place = Place.COUPLING
-    family = "resonance in the load path"
     separated_by = "steps of several sizes about several mean torques"
     generalises = ("fixation_compliance",)
     usual = False
