@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from model_discrepancy.fit.fit_result import Fit
-from model_discrepancy.search import candidates, hypotheses, hypothesis
+from model_discrepancy.search import candidates, hypotheses, hypothesis, trials
 from model_discrepancy.search.acting_stretches import FEWEST_STRETCHES
 from model_discrepancy.search.candidates import Candidates
 from model_discrepancy.search.found import DISPLACING_GAIN, Effect, Trial
@@ -47,12 +47,12 @@ class Scripted(Hypotheses):
         current = hypothesis.current
         self.steps.append(current.terms)
         longer = [t for t in SCORES if t[:-1] == current.terms and len(t) > len(current.terms)]
-        trials = [
+        tried = [
             Trial(t[-1], fit_of(t), gain, (gain, gain), -1.0, torque_share=1.0)
             for t in longer
             for gain in [1.0 - SCORES[t] / current.score]
         ]
-        return sorted(trials, key=lambda t: -t.gain), 0.0
+        return sorted(tried, key=lambda t: -t.gain), 0.0
 
     def _add(self, hypothesis, trial):
         hypothesis.current = trial.fit
@@ -62,9 +62,7 @@ class Scripted(Hypotheses):
 
 @pytest.fixture(autouse=True)
 def plain_errors(monkeypatch):
-    monkeypatch.setattr(
-        hypotheses, "halves_errors", lambda fitter, fit, plain: (fit.score, fit.score)
-    )
+    monkeypatch.setattr(trials, "halves_errors", lambda fitter, fit, plain: (fit.score, fit.score))
 
 
 def test_the_better_of_two_hypotheses_wins_whichever_term_came_first():
@@ -208,7 +206,7 @@ def test_one_term_that_explains_as_much_alone_is_preferred(monkeypatch, alone, n
     monkeypatch.delitem(SCORES, ("dahl_hysteresis", "long_latency_reflex"))
     monkeypatch.setitem(SCORES, ("dahl_hysteresis",), alone)
     monkeypatch.setattr(
-        hypotheses,
+        trials,
         "halves_errors",
         lambda fitter, fit, plain: (float("maxwell_relaxation" not in fit.terms),) * 2,
     )
@@ -331,9 +329,9 @@ def test_a_rejected_candidate_does_not_hide_one_that_gains_less(monkeypatch):
     null = SimpleNamespace(threshold_of=lambda name, fit: 0.02)
     search = Candidates(None, null, None, lambda line: None)
     current = SimpleNamespace(values={})
-    trials = search._refitted_and_judged(current, few, dict.fromkeys(gains, 0.02))
-    assert [t.name for t in trials] == list(gains)
-    assert [t.accepted for t in trials] == [False, True, False]
+    judged = search._refitted_and_judged(current, few, dict.fromkeys(gains, 0.02))
+    assert [t.name for t in judged] == list(gains)
+    assert [t.accepted for t in judged] == [False, True, False]
 
 
 def test_a_refit_that_takes_off_less_than_promised_begins_again_elsewhere(monkeypatch):
@@ -407,6 +405,6 @@ def test_a_term_that_ends_at_a_bound_stands_in_for_one_that_does_not():
 
     mode = trial("partial_sensor_mode", 0.9, ("partial_sensor_mode.damping",))
     lag = trial("torque_sensor_lag", 0.8, ("reflex.delay",))
-    assert hypotheses._equal([mode, lag]) == [lag]
-    assert hypotheses._equal([mode]) == [mode]
-    assert hypotheses._equal([mode, trial("torque_sensor_lag", 0.1, ())]) == [mode]
+    assert trials.equals([mode, lag]) == [lag]
+    assert trials.equals([mode]) == [mode]
+    assert trials.equals([mode, trial("torque_sensor_lag", 0.1, ())]) == [mode]

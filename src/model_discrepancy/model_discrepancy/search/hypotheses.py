@@ -34,16 +34,15 @@ from model_discrepancy.search.hypothesis import Fork, Hypothesis
 from model_discrepancy.search.null import Null
 from model_discrepancy.search.screening import with_turning
 from model_discrepancy.search.trials import (
+    best_of_equals,
     drop_superfluous,
+    equals,
     fixed_errors,
-    halves_errors,
+    is_needless,
     judged,
     refitted,
 )
 
-# Whitened gains within this ratio are too near to choose by: which of two comes first depends on
-# what is still missing.
-RIVAL_GAIN_RATIO = 0.5
 # A real rig and a real ankle depart from each equation a little. With twelve instead of nine terms,
 # models of two human trials left about half as much of their whitened residual predictable.
 MOST_TERMS = 12
@@ -252,7 +251,7 @@ class Hypotheses:
         by some per cent does not tell that an unusual part of a rig is there, and straps are not.
         """
         library, effects = term_library(), best.found.effects
-        usual = [t for t in first if library[t.name].usual and not _needless(t, first)]
+        usual = [t for t in first if library[t.name].usual and not is_needless(t, first)]
         if len(effects) < 2 or any(is_usual(e.trial.name) for e in effects) or not usual:
             return best
         trial = min(usual, key=lambda trial: trial.fit.score)
@@ -326,14 +325,14 @@ class Hypotheses:
         """
         found = hypothesis.found
         while good:
-            chosen = _chosen(self._fitter, good)
+            chosen = best_of_equals(self._fitter, good)
             before = list(found.effects), hypothesis.current, dict(hypothesis.scores)
             had_joint = hypothesis.plausible
             self._add(hypothesis, chosen)
             if hypothesis.plausible or not had_joint:
                 hypothesis.forks += [
                     Fork(before[0], before[1], other)
-                    for other in _equal(good)
+                    for other in equals(good)
                     if other is not chosen
                 ]
                 return True
@@ -375,39 +374,4 @@ def _is_another(other: Hypothesis, best: Hypothesis) -> bool:
         and other.plausible
         and set(other.current.terms) != set(best.current.terms)
         and other.current.score < BEHIND_RATIO * best.current.score
-    )
-
-
-def _chosen(fitter: Fitter, good: Sequence[Trial]) -> Trial:
-    """Choose the best on unseen rows; among those that do about as well, the one that predicts the
-    plain torque best.
-    """
-    equal = _equal(good)
-    return (
-        equal[0]
-        if len(equal) == 1
-        else min(equal, key=lambda t: sum(halves_errors(fitter, t.fit, plain=True)))
-    )
-
-
-def _equal(good: Sequence[Trial]) -> list[Trial]:
-    """Return those that gain about as much on unseen rows as the best one, and are not needless.
-
-    One that ends at the bound of its range, as a mode does that imitates a lag, is none of them
-    where another does not.
-    """
-    good = [t for t in good if not _needless(t, good)]
-    largest = max(min(t.held_out) for t in good)
-    equal = [t for t in good if min(t.held_out) >= RIVAL_GAIN_RATIO * largest]
-    return [t for t in equal if not t.at_bound] or equal
-
-
-def _needless(general: Trial, good: Sequence[Trial]) -> bool:
-    """Say whether a special case of a term does as well, but for what its further parameters gain
-    by chance.
-    """
-    return any(
-        special.name in term_library()[general.name].generalises
-        and general.gain < special.gain + general.by_chance
-        for special in good
     )

@@ -32,6 +32,9 @@ INDISPENSABLE_SHARE = 0.1
 VANISHING_SHARE = 0.02
 # Evaluations of a refit from values that are right but for the size of one term.
 PRECEDING_EVALUATIONS = 6
+# Whitened gains within this ratio are too near to choose by: which of two comes first depends on
+# what is still missing.
+RIVAL_GAIN_RATIO = 0.5
 # A refit to half of the rows stays within this share of a nonlinear parameter's range.
 _LINEAR_SHARE = 0.1
 # Where movements follow each other without rest, sizes of successive responses that are alike by
@@ -157,6 +160,49 @@ def refitted(
     )
     gain = 1.0 - fit.score / current.score
     return Trial(name, fit, gain, (0.0, 0.0), bic_change(fitter, current, fit))
+
+
+def best_of_equals(fitter: Fitter, good: Sequence[Trial]) -> Trial:
+    """Choose the best trial on unseen rows; among those that do about as well, the one that
+    predicts the plain torque best.
+
+    Parameters
+    ----------
+    fitter
+        Whitened by the recording's noise.
+    good
+        Accepted trials, at least one.
+    """
+    equal = equals(good)
+    return (
+        equal[0]
+        if len(equal) == 1
+        else min(equal, key=lambda t: sum(halves_errors(fitter, t.fit, plain=True)))
+    )
+
+
+def equals(good: Sequence[Trial]) -> list[Trial]:
+    """Return the trials that gain about as much on unseen rows as the best one, and are not
+    needless.
+
+    One that ends at the bound of its range, as a mode does that imitates a lag, is none of them
+    where another does not.
+    """
+    good = [t for t in good if not is_needless(t, good)]
+    largest = max(min(t.held_out) for t in good)
+    equal = [t for t in good if min(t.held_out) >= RIVAL_GAIN_RATIO * largest]
+    return [t for t in equal if not t.at_bound] or equal
+
+
+def is_needless(general: Trial, good: Sequence[Trial]) -> bool:
+    """Say whether a special case of a term does as well, but for what its further parameters gain
+    by chance.
+    """
+    return any(
+        special.name in term_library()[general.name].generalises
+        and general.gain < special.gain + general.by_chance
+        for special in good
+    )
 
 
 def halves_errors(fitter: Fitter, fit: Fit, plain: bool = False) -> tuple[float, float]:
