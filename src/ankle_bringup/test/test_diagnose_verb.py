@@ -7,6 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from ankle_bringup.command_line import app
+from ankle_bringup.errors import RunError
 from ankle_interfaces.block import Block
 from model_discrepancy.errors import DiagnosisError
 from session_recorder.bag_writer import BagWriter
@@ -25,3 +26,12 @@ def test_a_recording_that_cannot_be_used_gets_its_report_and_fails(tmp_path):
         raise done.exception
     assert json.loads((out / "verdict.json").read_text())["verdict"] == "bad_recording"
     assert (out / "report.html").exists()
+
+
+def test_the_time_of_a_diagnosis_is_that_for_one_recording(tmp_path):
+    done = CliRunner().invoke(app, ["diagnose", "a", "b", "--at-most", "2", "--out", str(tmp_path)])
+    with pytest.raises(RunError, match="--at-most is the time for one recording"):
+        raise done.exception
+    done = CliRunner().invoke(app, ["diagnose", "a", "--at-most", "0.1"])
+    assert done.exit_code == 2
+    assert "0.5 to 120 min" in done.output

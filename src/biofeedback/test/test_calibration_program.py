@@ -30,9 +30,9 @@ def written(folder, act):
     return sys.executable, str(path)
 
 
-def program(folder, act):
+def program(folder, act, at_most=None):
     called = written(folder, act)
-    return SessionCalibrationProgram(folder / "S07.yaml", "rig.yaml", "/left", called)
+    return SessionCalibrationProgram(folder / "S07.yaml", "rig.yaml", "/left", called, at_most)
 
 
 def rig_program(folder, act, spring=0.0):
@@ -75,6 +75,16 @@ def test_the_programs_result_is_read(tmp_path):
     given = {"--seconds": "90", "--rig": str(Path("rig.yaml").resolve()), "--namespace": "left"}
     for option, value in given.items():
         assert words[words.index(option) + 1] == value
+
+
+@pytest.mark.parametrize(("at_most", "given"), [(None, None), (5.0, "5")])
+def test_the_diagnosis_ends_in_the_time_that_the_protocol_states(tmp_path, at_most, given):
+    calibration = program(tmp_path, "print('{}')", at_most)
+    calibration.begin(90.0)
+    end_of(calibration)
+    words = json.loads((tmp_path / "S07.yaml.words").read_text())
+    assert ("--at-most" in words) == (given is not None)
+    assert given is None or words[words.index("--at-most") + 1] == given
 
 
 def test_the_programs_last_words_say_why_it_failed(tmp_path):

@@ -74,6 +74,16 @@ def test_a_new_session_is_calibrated_anew_and_forgets_the_model_of_the_last_subj
     assert visit.estimator.handed == [visit.calibration.model, None]
 
 
+def test_the_time_for_the_diagnosis_belongs_to_a_step_of_calibration(tmp_path):
+    protocol = short_protocol(tmp_path, more=CALIBRATED + '"diagnosis[min]": 4\n')
+    assert protocol.diagnosis_minutes == 4.0
+    assert short_protocol(tmp_path, more=CALIBRATED).diagnosis_minutes is None
+    with pytest.raises(ProtocolError, match=r"'diagnosis\[min\]' needs 'calibration\[s\]'"):
+        short_protocol(tmp_path, more='"diagnosis[min]": 4\n')
+    with pytest.raises(ProtocolError, match=r"diagnosis\[min\] = 0 is refused; allowed: 1 to 60"):
+        short_protocol(tmp_path, more=CALIBRATED + '"diagnosis[min]": 0\n')
+
+
 def test_a_step_of_calibration_needs_its_check(tmp_path):
     with pytest.raises(ProtocolError, match=r"'calibration\[s\]' needs the check 'session_cal"):
         short_protocol(tmp_path, more='"calibration[s]": 90\n')

@@ -69,6 +69,7 @@ def calibrate_session(
     folder: Path | str,
     rig: RigFile | None = None,
     progress: Callable[[str], None] = lambda _: None,
+    at_most: float | None = None,
 ) -> CalibratedSession:
     """Diagnose a recording and make the subject's model of what was found.
 
@@ -84,6 +85,8 @@ def calibrate_session(
         diagnosed; None: everything that is found of the rig goes into the subject's model.
     progress
         Called with the present step.
+    at_most
+        Time after which the diagnosis adds no further terms [min]; None for no limit.
 
     Raises
     ------
@@ -94,7 +97,8 @@ def calibrate_session(
     """
     out = Path(folder)
     recording = source if isinstance(source, Recording) else read_session(source)
-    found = diagnose(recording, out, library=session_library(rig), progress=progress, rig=rig)
+    library = session_library(rig)
+    found = diagnose(recording, out, library=library, progress=progress, rig=rig, at_most=at_most)
     verdict = found.verdict
     if verdict.verdict == "bad_recording" or found.found is None:
         reasons = "; ".join(verdict.reasons) or "bad recording"

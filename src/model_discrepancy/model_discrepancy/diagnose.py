@@ -33,6 +33,7 @@ from model_discrepancy.report.verdict import Verdict
 from model_discrepancy.search.found import Found, Progress
 from model_discrepancy.search.null import Null
 from model_discrepancy.search.term_search import choose_anew, complete, search
+from model_discrepancy.search.time_limit import TimeLimit, time_is_over, time_limit
 
 # Share of the whitened residual that generic regressors predict on unseen rows. Where it is less,
 # few terms have a wrong shape, and none is chosen anew: of what a search for nine terms of our own
@@ -80,6 +81,7 @@ def diagnose(
     progress: Progress = lambda _: None,
     joint: JointProfile | None = None,
     rig: RigFile | str | Path | None = None,
+    at_most: float | None = None,
 ) -> Diagnosis:
     """Diagnose a recording or a bag, at a low priority: a graph that runs meanwhile comes first.
 
@@ -100,6 +102,10 @@ def diagnose(
         Whose ranges, units and base model hold; None: those in force, which are an ankle's.
     rig
         A calibrated rig (or its file), which is taken as known: its zeros, delays and terms.
+    at_most
+        Time after which the search adds no further terms [min]; what was found by then is weighed
+        and criticised, which takes longer than that. None: it goes on as long as something is
+        worth it, so that the result is the same on every computer.
 
     Raises
     ------
@@ -107,11 +113,13 @@ def diagnose(
         No such bag.
     ModelError
         The model cannot be read.
+    ankle_interfaces.errors.QuantityError
+        The time is out of range.
     """
-    with (joint or joint_in_force()).in_force(), side_by_side():
+    with (joint or joint_in_force()).in_force(), side_by_side(), time_limit(at_most) as limit:
         known = RigFile.load(rig) if isinstance(rig, str | Path) else rig
         return in_background(
-            lambda: _diagnose_and_write(source, out, model, library, progress, known)
+            lambda: _diagnose_and_write(source, out, model, library, progress, known, limit)
         )
 
 
@@ -122,6 +130,7 @@ def _diagnose_and_write(
     library: Sequence[str] | None,
     progress: Progress,
     rig: RigFile | None,
+    limit: TimeLimit | None,
 ) -> Diagnosis:
     """Diagnose a recording or a bag by the ranges and units in force, and write what was found."""
     progress("reading")
@@ -134,6 +143,8 @@ def _diagnose_and_write(
     else:
         diagnosis = _diagnose(reading, baseline, library, progress, rig)
     diagnosis.verdict.reasons += list(diagnosis.recording.notes)
+    if limit is not None and limit.left_something_out:
+        diagnosis.verdict.reasons.append(limit.reason)
     if rig is not None:
         diagnosis.verdict.rig["known"] = rig.title
         diagnosis.verdict.reasons.append(
@@ -179,12 +190,12 @@ def _diagnose(
         reading = reading.on_time(*late)
         problem = prepare(reading.trusted, terms, progress, rig)
     found, null = _searched(problem, library, progress)
-    if found.effects and knows_movement_better(problem, found.final):
+    if found.effects and knows_movement_better(problem, found.final) and not time_is_over():
         progress("the movement that torque made is known better now: searching again")
         problem = prepare(reading.trusted, terms, progress, rig, found.final)
         found, null = _searched(problem, library, progress, found)
     told = _told_reading(problem, found)
-    if told is not None:
+    if told is not None and not time_is_over():
         progress("what the torque sensor does is known better now: searching again")
         other = prepare(reading.trusted, terms, progress, rig, reading=told)
         again, its_null = _searched(other, library, progress)
@@ -192,7 +203,7 @@ def _diagnose(
         if other.predicted(again.final) < before + READING_MARGIN:
             problem, found, null = other, again, its_null
     better = with_better_course(problem, found.final) if found.effects else None
-    if better is not None:
+    if better is not None and not time_is_over():
         progress("the torque that the muscles hold is known better now: searching again")
         problem = better
         found, null = _searched(problem, library, progress)

@@ -338,14 +338,17 @@ def test_behind_a_soft_servo_only_torque_before_a_movement_that_shows_something_
     [
         (-0.05, None, True, True),
         (0.2, None, True, False),  # physics answers one quantity of the movement
-        (-0.05, "told by the command", True, False),
+        (-0.05, "told by the command", True, True),
+        (-0.05, "told by the command", False, False),
         (-0.05, None, False, False),
     ],
 )
 def test_what_only_several_inputs_predict_is_torque_that_moved_the_plate(
     monkeypatch, alone, servo, gives_way, leaked
 ):
-    """Behind a servo of which the holds tell roughly how it gives way they cancel the movement."""
+    """Behind a servo of which holds or command tell roughly how it gives way they cancel the
+    movement.
+    """
     bank = SimpleNamespace(unpredicted=lambda noise, parts: noise)
     over_time = SimpleNamespace(unpredicted=lambda noise, parts: noise)
     together = replace(

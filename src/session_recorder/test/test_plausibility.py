@@ -82,3 +82,12 @@ def test_noise_is_not_explained_by_movement(relaxed):
     position, _ = relaxed
     noise = np.random.default_rng(7).standard_normal(len(position))
     assert intrinsic(RATE, position, noise) is None
+
+
+def test_a_resonance_that_multiplies_the_inertia_is_no_wrong_unit(relaxed):
+    """A leg that gives way swings at 8 Hz, and is seen with the foot."""
+    found = replace(intrinsic(RATE, *relaxed), inertia=0.3, inertia_error=0.004, upright=0.8)
+    assert "the units" in check_intrinsic(found, "rig")[0]
+    swinging = replace(found, viscosity=-7.5, viscosity_error=0.4)
+    assert check_intrinsic(swinging, "rig") == []
+    assert "the units" in check_intrinsic(replace(swinging, inertia=1.1), "rig")[0]

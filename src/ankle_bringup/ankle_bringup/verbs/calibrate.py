@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ankle_bringup.at_most import DEFAULT_MINUTES, AtMost
 from ankle_bringup.calibration_recording import (
     await_state,
     record_rig,
@@ -181,6 +182,7 @@ def session(
             "--force", help="Calibrate in spite of a rig file that contradicts what is recorded."
         ),
     ] = False,
+    at_most: AtMost = DEFAULT_MINUTES,
     overwrite: Overwrite = False,
 ) -> dict[str, Any]:
     """Calibrate the session: record the perturbed subject, diagnose, hand the model to the running
@@ -213,7 +215,7 @@ def session(
     recording = read_session(bag)
     contradictions = _require_its_rig(recording, bag, known, rig, force)
     with working("calibrating the session") as step:
-        found = calibrate_session(recording, report, known, step)
+        found = calibrate_session(recording, report, known, step, at_most)
         require_gain(found, recording, known)
     found.model.save(out)
     warnings = _shown(found)

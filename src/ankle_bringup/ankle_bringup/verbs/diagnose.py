@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from ankle_bringup.at_most import DEFAULT_MINUTES, AtMost
 from ankle_bringup.errors import RunError
 from ankle_bringup.known_rig import KnownRig, known_rig
 from ankle_bringup.terminal import Out, Overwrite, OwnTerms, clear_folder, console, working
@@ -26,6 +27,7 @@ def verb(
         str, typer.Option(help="ankle, knee, elbow, wrist, or a joint's file (YAML).")
     ] = "ankle",
     terms: OwnTerms = None,
+    at_most: AtMost = None,
     overwrite: Overwrite = False,
 ) -> dict[str, Any]:
     """Find where the joint model fails on a recording, and which physics was left out.
@@ -35,6 +37,9 @@ def verb(
     cannot be used gets a report, too, and fails. Several recordings are searched together: what
     belongs to the rig is the same in all of them, what belongs to the subject is each recording's
     own, and each gets a model file of its own.
+
+    A search that ends by --at-most says so; it may find less on a slower computer. Without that it
+    finds the same on each.
 
     Example: ankle diagnose session --out session_diagnosis
     """
@@ -48,6 +53,8 @@ def verb(
 
     load_terms(terms or "")
     profile = JointProfile.load(joint)
+    if at_most is not None and len(bags) > 1:
+        raise RunError("--at-most is the time for one recording; several are searched to the end")
     if model is not None and len(bags) > 1:
         raise RunError("--model is the baseline of one recording; several begin from the joint's")
     with profile.in_force():
@@ -63,7 +70,10 @@ def verb(
                 together.save(out)
                 write_several(together, out / "report.html")
             return _findings(out, [e.sentence for e in together.named], together.verdict)
-        found = diagnose(bags[0], out, baseline, progress=step, joint=profile, rig=known)
+        minutes = DEFAULT_MINUTES if at_most is None else at_most
+        found = diagnose(
+            bags[0], out, baseline, progress=step, joint=profile, rig=known, at_most=minutes
+        )
     lines = [f"- {effect['sentence']}" for effect in found.verdict.effects]
     lines += [f"  {reason}" for reason in found.verdict.reasons]
     answer = _findings(out, [profile.in_units(line) for line in lines], found.verdict.verdict)

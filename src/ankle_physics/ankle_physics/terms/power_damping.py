@@ -1,5 +1,5 @@
 """Damping that follows a power of speed: ``torque = D * v * ((v² + v0²) / v1²)^((p - 1) / 2)`` with
-``v1 = 1 rad/s`` and ``v0 = 0.05 rad/s``.
+``v1 = 1 rad/s``.
 """
 
 from __future__ import annotations
@@ -53,9 +53,19 @@ class PowerDamping(Term):
             description="It is the power of the speed that the damping follows; 1 is viscosity.",
             tried=(0.3, 0.5, 0.7, 1.4, 2.0, 2.7),
         ),
+        Parameter(
+            "v0",
+            "rad/s",
+            0.003,
+            FASTEST_CHANGE,
+            0.03,
+            "as friction, which is the power 0 (`coulomb_friction`)",
+            tried=(0.03,),
+            description="It is the speed below which the damping is a viscosity.",
+        ),
     )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
         velocity = signals.foot_velocity
         exponent = 0.5 * (float(values["p"]) - 1.0)
-        return {"D": velocity * (velocity**2 + FASTEST_CHANGE**2) ** exponent}
+        return {"D": velocity * (velocity**2 + float(values["v0"]) ** 2) ** exponent}

@@ -31,6 +31,8 @@ def calibration_of(
         Of the laboratory.
     """
     if protocol.rig_movement is None:
-        return SessionCalibrationProgram(model, rig_file, namespace)
+        return SessionCalibrationProgram(
+            model, rig_file, namespace, at_most=protocol.diagnosis_minutes
+        )
     rig = Path(rig_file) if rig_file else state_folder() / RIG_FILE_NAME
     return RigCalibrationProgram(rig, protocol.rig_movement, namespace)

@@ -21,6 +21,7 @@ UNITS = {"K": "N.m/rad", "G": "N.m.s/rad"}
 PAPER = "van_t_veld_2018"
 _LIMITS = {
     "calibration[s]": (30.0, 600.0),
+    "diagnosis[min]": (1.0, 60.0),
     "baseline[s]": (1.0, 600.0),
     "reach[s]": (0.0, 600.0),
     "hold[s]": (1.0, 600.0),
@@ -107,6 +108,9 @@ class Protocol:
         Names of the checks before the first block, see `check_list`.
     rig_movement
         Where a rig is calibrated; None in a session with a subject.
+    diagnosis_minutes
+        Time after which the calibration of the session adds no further terms to its model [min];
+        None for no limit.
     """
 
     title: str
@@ -116,6 +120,7 @@ class Protocol:
     digest: str
     check_list: tuple[str, ...] = ()
     rig_movement: RigMovement | None = None
+    diagnosis_minutes: float | None = None
 
     @property
     def targets(self) -> list[float]:
@@ -191,7 +196,7 @@ def _protocol(content: Any, name: str, digest: str) -> Protocol:
         "torque_half_width[N.m]",
         "level_half_width[1]",
     )
-    optional = {"title", "check_list", "calibration[s]"}
+    optional = {"title", "check_list", "calibration[s]", "diagnosis[min]"}
     check_keys(content, {"blocks", *top, *optional}, optional, name)
     durations = {key: _number(content, key, name) for key in top}
     if not isinstance(content["blocks"], list) or not content["blocks"]:
@@ -235,6 +240,11 @@ def _protocol(content: Any, name: str, digest: str) -> Protocol:
         raise ProtocolError(
             f"{name}: 'calibration[s]' needs the check '{SESSION_CALIBRATION}' in 'check_list'"
         )
+    minutes = None
+    if "diagnosis[min]" in content:
+        minutes = _number(content, "diagnosis[min]", name)
+        if "calibration[s]" not in content:
+            raise ProtocolError(f"{name}: 'diagnosis[min]' needs 'calibration[s]'")
     return Protocol(
         str(content.get("title") or name),
         tuple(steps),
@@ -242,6 +252,7 @@ def _protocol(content: Any, name: str, digest: str) -> Protocol:
         durations["level_half_width[1]"],
         digest,
         checks,
+        diagnosis_minutes=minutes,
     )
 
 

@@ -178,12 +178,12 @@ def _most_predicted(problem: Problem, fit: Fit, null: Null, surrogates: np.ndarr
     What is missing physics comes first, then what exceeds chance by most.
     """
     held = not problem.in_a_loop
-    # The holds tell how the servo gives way to some per cent.
-    told_by_holds = problem.servo is None and problem.gives_way
+    # How the servo gives way is known to some per cent.
+    gives_way = problem.gives_way
 
     def predicted(bank: GenericBank, noise: np.ndarray, judged: bool) -> Remainder:
         found = remainder(bank, problem.fitter, fit.residual, fit.plain, problem.parts, noise)
-        leaked = told_by_holds and found.by_cancelling
+        leaked = gives_way and found.by_cancelling
         return replace(found, judged=judged and not leaked, held=held and not leaked, leaked=leaked)
 
     found = [predicted(problem.bank, surrogates, not problem.in_a_loop)]

@@ -25,6 +25,7 @@ from model_discrepancy.search.harm import harms
 from model_discrepancy.search.hypotheses import Hypotheses
 from model_discrepancy.search.hypothesis import Hypothesis
 from model_discrepancy.search.shared_families import bare_of
+from model_discrepancy.search.time_limit import time_is_over
 
 # Families of what carries the load between joint and sensor, or swings beside it.
 LOAD_PATH = ("resonance in the load path", "resonance beside the load path")
@@ -73,6 +74,8 @@ def chosen_anew(
             gone = _of_kind(now, kind)
             if not gone or [effect.trial.name for effect in gone] == [name]:
                 continue
+            if time_is_over():
+                return best
             # The same for every term that is begun, until one leads to a better model.
             bare = bare or bare_of(
                 fitter, now.final, [e.trial.name for e in gone], BARE_EVALUATIONS

@@ -17,7 +17,9 @@ from model_discrepancy.search.found import REFINEMENT, Effect, Found, Progress, 
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.harm import harms
 from model_discrepancy.search.null import Null
+from model_discrepancy.search.one_for_two import one_for_two
 from model_discrepancy.search.screening import Screened, screen, without_term
+from model_discrepancy.search.time_limit import time_is_over
 from model_discrepancy.search.trials import (
     drop_superfluous,
     fixed_errors,
@@ -276,8 +278,8 @@ def exchange(
     yardstick: np.ndarray,
     progress: Progress,
 ) -> bool:
-    """Weigh the effects and find their rivals; one that fits better takes the effect's place.
-    Return whether any did.
+    """Weigh the effects and find their rivals; one that fits better takes the effect's place, and
+    one that makes another term superfluous takes the place of both. Return whether any did.
     """
     swaps = 0
     while found.effects:
@@ -288,8 +290,11 @@ def exchange(
             lambda effect: _rivals(fitter, found, effect, grids, null, progress),
             [*found.effects, *_ending_at_bounds(fitter, found, null)],
         )
-        options = better_rivals(found) if swaps < MOST_SWAPS else []
+        if swaps == MOST_SWAPS or time_is_over():
+            break
+        options = better_rivals(found)
         better = next((o for o in options if not harms(fitter, found.final, o[1].fit)), None)
+        better = better or one_for_two(fitter, found, null, progress)
         if better is None:
             break
         _swap(fitter, found, *better, null, yardstick, progress)

@@ -33,6 +33,7 @@ from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.hypothesis import Fork, Hypothesis
 from model_discrepancy.search.null import Null
 from model_discrepancy.search.screening import with_turning
+from model_discrepancy.search.time_limit import time_is_over
 from model_discrepancy.search.trials import (
     best_of_equals,
     drop_superfluous,
@@ -306,7 +307,8 @@ class Hypotheses:
     def _add_one(self, hypothesis: Hypothesis) -> None:
         """Add the term that is worth most; where none is, the hypothesis has ended."""
         found = hypothesis.found
-        if hypothesis.count >= MOST_TERMS or hypothesis.steps >= MOST_STEPS:
+        enough = hypothesis.count >= MOST_TERMS or hypothesis.steps >= MOST_STEPS
+        if enough or time_is_over():
             hypothesis.ended = True
             return
         hypothesis.steps += 1

@@ -43,6 +43,7 @@ from model_discrepancy.search.null import Null
 from model_discrepancy.search.screening import with_term, with_turning, without_term
 from model_discrepancy.search.shared_families import unite
 from model_discrepancy.search.subject_anew import subject_anew
+from model_discrepancy.search.time_limit import time_is_over
 from model_discrepancy.search.trials import (
     fixed_errors,
     halves_errors,
@@ -100,7 +101,7 @@ def search(
         exchanged = exchange(fitter, found, grids, null, yardstick, progress) or united
         # What further small terms gain beside many does not last. After another search in a half of
         # a human trial, with nine terms, the other half was predicted 2.7 points worse.
-        if not exchanged or found.needs_many_terms:
+        if not exchanged or found.needs_many_terms or time_is_over():
             break
     _score_both(fitter, found, grids, null, progress)
     return found
@@ -123,7 +124,7 @@ def complete(
     found
         The search's result; changed.
     """
-    if not may_be_completed(fitter, found):
+    if not may_be_completed(fitter, found) or time_is_over():
         return
     flexible = [
         name
@@ -177,6 +178,8 @@ def choose_anew(
     found
         The search's result.
     """
+    if time_is_over():
+        return found
     grids = Grids(library, fitter.rows.count / fitter.rows.rate)
     yardstick = fitter.rows.gain()
     hypotheses = Hypotheses(fitter, found.base, null, grids, yardstick, progress)

@@ -37,6 +37,9 @@ INERTIA_RANGE = (0.002, 0.25)  # kg.m^2
 # Relaxed about 10, maximally contracted about 500 N.m/rad; the recording includes what reflexes
 # add.
 STIFFNESS_RANGE = (2.0, 2000.0)  # N.m/rad
+# What resonates between sensor and foot, or a leg that gives way, multiplies what is seen of
+# inertia or stiffness; a wrong unit multiplies it by 57 and more.
+RESONANCE_FACTOR = 4.0
 # Below 5 Hz voluntary torque dominates, above 40 Hz the noise of differentiated positions.
 BAND = (5.0, 40.0)  # Hz
 SEGMENT = 2.0  # s; ten periods of the band's lower edge
@@ -293,7 +296,8 @@ def check_intrinsic(found: Intrinsic, stated_sign: str) -> list[str]:
         if inertia
         else (found.stiffness, STIFFNESS_RANGE, "N.m/rad")
     )
-    if not lowest <= abs(value) <= highest:
+    factor = RESONANCE_FACTOR if found.contradicts_itself else 1.0
+    if not lowest / factor <= abs(value) <= factor * highest:
         guess = (
             "position in degrees, torque already in N.m, or torque by body mass"
             if abs(value) < lowest
