@@ -9,17 +9,18 @@ import pytest
 from ankle_physics.model import Model
 from ankle_physics.virtual_rig import simulate
 from model_discrepancy.problem import prepare
-from model_discrepancy.recording.compliance import COMPLIANCE_LOW_PASSES, Compliance
+from model_discrepancy.recording.compliance import COMPLIANCE_POLES_S, Compliance
+from model_discrepancy.recording.drive_mode import DriveMode
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.tools import several_recordings
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
 
 RATE = 512.0
-# 2500 N.m/rad, with a low-pass that tells its course over frequency.
-WEIGHTS = np.zeros(1 + len(COMPLIANCE_LOW_PASSES))
-WEIGHTS[:2] = 3e-4, 1e-4
-TOLD = Compliance(RATE, WEIGHTS, (4e-4, 1e-6))
+# 2500 N.m/rad, with a mode that tells its course over frequency.
+WEIGHTS = np.zeros(1 + len(COMPLIANCE_POLES_S))
+WEIGHTS[0] = 4e-4
+TOLD = Compliance(RATE, WEIGHTS, (4e-4, 1e-6), mode=DriveMode(40.0, 0.7))
 LESS_WELL = replace(TOLD, at_rest=(4e-4, 5e-6))
 
 

@@ -10,27 +10,19 @@ together with how the drive follows.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.fft import rfft, rfftfreq
 from scipy.signal import lfilter
 
+from model_discrepancy.recording.drive_mode import STARTS, DriveMode, least_point, mode_at
 from model_discrepancy.recording.spectrum import Spectrum, low_pass
 
-# Low-passes of the compliance: pole [s], from a stiff current loop to an integrator, and how many
-# of them are in series. Several in series (Laguerre) make the resonance of the drive's mass on its
-# stiffness, at 15 to 60 Hz.
-COMPLIANCE_LOW_PASSES = (
-    (0.005, 1),
-    (0.005, 2),
-    (0.005, 3),
-    (0.005, 4),
-    (0.015, 1),
-    (0.05, 1),
-    (0.2, 1),
-    (1.0, 1),
-)
+# Poles of the slow part of the compliance [s]: an integrator, or what else settles. What is faster
+# is the drive's mode.
+COMPLIANCE_POLES_S = (0.05, 0.2, 1.0)
 # Torque acts on the plate from below this frequency [Hz]; what is faster the drive's mass holds.
 TORQUE_HZ = 60.0
 # Where the holds tell the compliance only roughly, it is that of slow torque: reflexes, tremor and
@@ -49,11 +41,16 @@ _SETTLED_S = 0.1
 _HELD_S = 0.08
 _MARGIN_S = 0.03
 _FEWEST_HOLDS = 24
-# A hold lasts some tenths of a second and loses its level and slope: slower low-passes than the
-# first so many look alike.
-_HELD_LOW_PASSES = 6
-# Relative to the trace: low-passes of 5 and 15 ms differ little in what tremor and reflexes hold.
-_HELD_RIDGE = 1e-6
+# What no movement causes, behind these modes, tells the drive's mode.
+_INSTRUMENTS = [DriveMode(frequency, 0.7) for frequency in (8.0, 14.0, 24.0, 40.0, 70.0)]
+# Of the position during holds: where what no movement causes explains less of it, it does not tell
+# the mode.
+_LEAST_TOLD = 0.5
+# Reflexes of one shape tell a slow, ringing drive hardly from a fast one. What is left open so far
+# is not told apart, and a mode that is an octave from the usual has to leave a tenth less:
+# controllers are tuned to 20 to 60 Hz and a damping of 0.5 to 1.
+_OPEN, _FAR = 0.002, 0.1
+_USUAL_MODE = np.log([35.0, 0.8])
 # Standard errors of the compliance at rest by which it must differ from zero, so that what torque
 # did to the plate can be taken out of the movement: to a twentieth.
 _PRECISE_ERRORS = 20.0
@@ -70,13 +67,16 @@ class Compliance:
     rate
         Of the samples that it was fitted at [Hz].
     weights
-        Of the direct path and of each of `COMPLIANCE_LOW_PASSES` [rad/N.m], shape (9,).
+        Of the direct path and of a low-pass with each of `COMPLIANCE_POLES_S` [rad/N.m], shape
+        (4,).
     at_rest
         Their sum with its standard error [rad/N.m].
     limit
         Highest frequency at which torque acts on the plate [Hz].
     lines
         Frequencies at which it is pick-up [Hz].
+    mode
+        Of the drive's mass, which follows all of these; None where it is not known.
     """
 
     rate: float
@@ -84,6 +84,7 @@ class Compliance:
     at_rest: tuple[float, float]
     limit: float = TORQUE_HZ
     lines: tuple[float, ...] = ()
+    mode: DriveMode | None = None
 
     @property
     def significant(self) -> bool:
@@ -97,16 +98,17 @@ class Compliance:
         can be taken out.
         """
         value, error = self.at_rest
-        return np.count_nonzero(self.weights) > 1 and value > _PRECISE_ERRORS * error
+        return self.mode is not None and value > _PRECISE_ERRORS * error
 
     def response(self, frequency: np.ndarray) -> np.ndarray:
         """Return the compliance at each frequency [Hz], complex [rad/N.m]."""
         z = np.exp(-2j * np.pi * frequency / self.rate)
         total = np.full(len(frequency), self.weights[0], dtype=complex)
-        for weight, (pole, times) in zip(self.weights[1:], COMPLIANCE_LOW_PASSES, strict=True):
+        for weight, pole in zip(self.weights[1:], COMPLIANCE_POLES_S, strict=True):
             decay = np.exp(-1.0 / (self.rate * pole))
-            total += weight * ((1.0 - decay) / (1.0 - decay * z)) ** times
-        return total * _acting_gain(frequency, self.limit, self.lines)
+            total += weight * (1.0 - decay) / (1.0 - decay * z)
+        mode = 1.0 if self.mode is None else self.mode.response(frequency)
+        return np.asarray(total * mode * _acting_gain(frequency, self.limit, self.lines))
 
 
 def _acting_gain(frequency: np.ndarray, limit: float, lines: tuple[float, ...]) -> np.ndarray:
@@ -143,10 +145,14 @@ def pick_up(torque: np.ndarray, rate: float) -> tuple[float, ...]:
 
 
 def compliance_columns(
-    torque: np.ndarray, rate: float, limit: float, lines: tuple[float, ...]
+    torque: np.ndarray,
+    rate: float,
+    limit: float,
+    lines: tuple[float, ...],
+    mode: DriveMode | None = None,
 ) -> np.ndarray:
-    """Return torque [N.m] as it acts on the plate, alone and behind each of
-    `COMPLIANCE_LOW_PASSES`, shape (n, 9).
+    """Return torque [N.m] as it acts on the plate, alone and behind a low-pass with each of
+    `COMPLIANCE_POLES_S`, shape (n, 4).
 
     Parameters
     ----------
@@ -154,26 +160,22 @@ def compliance_columns(
         As it was measured, shape (n,).
     rate
         Of its samples [Hz].
-    limit, lines
+    limit, lines, mode
         As those of `Compliance`.
     """
     # Fast torque is noise and what the movement's inertia makes; the drive's own mass holds it.
     spectrum = Spectrum(torque, rate, 1)
-    smooth = spectrum.read(_acting_gain(spectrum.frequency, limit, lines))
-    return np.column_stack(
-        [smooth, *(low_passed(smooth, rate, *stages) for stages in COMPLIANCE_LOW_PASSES)]
-    )
+    gain = _acting_gain(spectrum.frequency, limit, lines)
+    acting = spectrum.read(gain if mode is None else gain * mode.response(spectrum.frequency))
+    slow = [low_passed(acting, rate, pole) for pole in COMPLIANCE_POLES_S]
+    return np.column_stack([acting, *slow])
 
 
-def low_passed(signal: np.ndarray, rate: float, pole: float, times: int = 1) -> np.ndarray:
-    """Return a signal behind so many low-passes with a pole [s] in series, settled at its first
-    value.
-    """
+def low_passed(signal: np.ndarray, rate: float, pole: float) -> np.ndarray:
+    """Return a signal behind a low-pass with a pole [s], settled at its first value."""
     decay = np.exp(-1.0 / (rate * pole))
-    for _ in range(times):
-        settled = [decay * signal[0]]
-        signal = lfilter([1.0 - decay], [1.0, -decay], signal, zi=settled)[0]
-    return np.asarray(signal)
+    settled = [decay * signal[0]]
+    return np.asarray(lfilter([1.0 - decay], [1.0, -decay], signal, zi=settled)[0])
 
 
 def held_compliance(
@@ -214,58 +216,75 @@ def held_compliance(
     if len(runs) < _FEWEST_HOLDS:
         return None
     lines = pick_up(torque, rate)
+    load, instrument = torque - torque.mean(), not_intrinsic - not_intrinsic.mean()
+    moved = [_held(position[:, None], [run])[:, 0] for run in runs]
 
-    def at_each(limit: float, count: int) -> Compliance:
-        load, instruments = (
-            compliance_columns(signal - signal.mean(), rate, limit, lines)[:, :count]
-            for signal in (torque, not_intrinsic)
+    def at_each(limit: float, mode: DriveMode | None) -> Compliance:
+        acting, instruments = (
+            compliance_columns(signal, rate, limit, lines, mode)[:, :1]
+            for signal in (load, instrument)
         )
-        products = [_held_products(position[b:e], load[b:e], instruments[b:e]) for b, e in runs]
-        parts = np.array_split(np.arange(len(runs)), STRETCHES)
-        grams, rights = (
-            np.array([np.sum([products[i][k] for i in part], axis=0) for part in parts])
-            for k in (0, 1)
-        )
-        return _held_weights(grams, rights, rate, limit, lines)
+        products = []
+        for run, distance in zip(runs, moved, strict=True):
+            told = _held(instruments, [run])[:, 0]
+            products.append((told @ _held(acting, [run])[:, 0], told @ distance))
+        # The jackknife over stretches (Künsch 1989), as for a servo whose command was recorded.
+        stretches = np.array_split(np.array(products), STRETCHES)
+        sums = np.array([stretch.sum(axis=0) for stretch in stretches])
+        whole = sums.sum(axis=0)
+        drawn = [-(whole - part)[1] / (whole - part)[0] for part in sums]
+        weights = np.zeros(1 + len(COMPLIANCE_POLES_S))
+        weights[0] = -whole[1] / whole[0]
+        error = float(np.sqrt((STRETCHES - 1) * np.var(drawn)))
+        return Compliance(rate, weights, (float(weights[0]), error), limit, lines, mode)
 
-    by_frequency = at_each(TORQUE_HZ, 1 + _HELD_LOW_PASSES)
-    if by_frequency.precise:
-        return by_frequency
+    mode = _held_mode(position, load, instrument, runs, rate, lines)
+    if mode is not None and mode.likely:
+        by_frequency = at_each(TORQUE_HZ, mode)
+        if by_frequency.precise:
+            return by_frequency
     # What is not known well has no course over frequency that is worth anything.
-    return at_each(HELD_HZ, 1)
+    return at_each(HELD_HZ, None)
 
 
-def _held_weights(
-    grams: np.ndarray, rights: np.ndarray, rate: float, limit: float, lines: tuple[float, ...]
-) -> Compliance:
-    """Return the compliance from products of the instrument's columns with those of the torque,
-    shape (stretches, p, p), and with the position, shape (stretches, p), at a rate [Hz], below a
-    limit [Hz] and without lines of pick-up [Hz].
+def _held_mode(
+    position: np.ndarray,
+    load: np.ndarray,
+    instrument: np.ndarray,
+    runs: Sequence[tuple[int, int]],
+    rate: float,
+    lines: tuple[float, ...],
+) -> DriveMode | None:
+    """Return the mode of the drive that explains best what the instrument makes of the position in
+    these holds (two-stage least squares; Söderström & Stoica 1983); None where that is little.
     """
-    gram, right = grams.sum(axis=0), rights.sum(axis=0)
-    ridge = _HELD_RIDGE * np.trace(gram) * np.eye(len(gram))
-    found = -np.linalg.solve(gram + ridge, right)
-    # The jackknife over stretches (Künsch 1989), as for a servo whose command was recorded.
-    drawn = [
-        -np.linalg.solve(gram - g + ridge, right - r).sum()
-        for g, r in zip(grams, rights, strict=True)
+    made = [
+        compliance_columns(instrument, rate, TORQUE_HZ, lines, mode)[:, :1]
+        for mode in (None, *_INSTRUMENTS)
     ]
-    error = float(np.sqrt((STRETCHES - 1) * np.var(drawn)))
-    weights = np.zeros(1 + len(COMPLIANCE_LOW_PASSES))
-    weights[: len(found)] = found
-    return Compliance(rate, weights, (float(found.sum()), error), limit, lines)
+    basis = np.linalg.qr(_held(np.column_stack(made), runs))[0]
+    held = _held(position[:, None], runs)[:, 0]
+    wanted = basis.T @ held
+    if wanted @ wanted < _LEAST_TOLD * (held @ held):
+        return None
+
+    def left(point: np.ndarray) -> float:
+        acting = compliance_columns(load, rate, TORQUE_HZ, lines, mode_at(point))[:, :1]
+        offered = basis.T @ _held(acting, runs)[:, 0]
+        open_by_it = 1.0 - (offered @ wanted) ** 2 / ((offered @ offered) * (wanted @ wanted))
+        octaves = (point - _USUAL_MODE) / np.log(2.0)
+        return float((max(open_by_it, 0.0) + _OPEN) * np.exp(_FAR * (octaves @ octaves)))
+
+    return mode_at(least_point(left, STARTS))
 
 
-def _held_products(
-    position: np.ndarray, load: np.ndarray, instruments: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the products of the instrument's columns (n, p) with those of the torque, shape
-    (p, p), and with the position (n,), shape (p,), during one hold, without level and slope: a
-    servo settles slowly.
+def _held(columns: np.ndarray, runs: Sequence[tuple[int, int]]) -> np.ndarray:
+    """Return columns (n, p) during the holds, each without level and slope: a servo settles slowly;
+    shape (samples held, p).
     """
-    time = np.linspace(-1.0, 1.0, len(position))
-    basis, _ = np.linalg.qr(np.column_stack([np.ones(len(time)), time]))
-    moved, load, instruments = (
-        signal - basis @ (basis.T @ signal) for signal in (position, load, instruments)
-    )
-    return instruments.T @ load, instruments.T @ moved
+    parts = []
+    for begin, end in runs:
+        time = np.linspace(-1.0, 1.0, end - begin)
+        part = columns[begin:end] - columns[begin:end].mean(axis=0)
+        parts.append(part - np.outer(time, time @ part / (time @ time)))
+    return np.concatenate(parts)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ankle_physics.rig_file import RigFile
 from ankle_physics.term import ModelValues
-from model_discrepancy.recording.compliance import COMPLIANCE_LOW_PASSES, Compliance
+from model_discrepancy.recording.compliance import COMPLIANCE_POLES_S, Compliance
 from model_discrepancy.recording.recording import Recording
 
 # The calibration states this in place of the term.
@@ -77,6 +77,6 @@ def known_compliance(rig: RigFile, rate: float) -> Compliance | None:
     entry = rig.model.entry("servo_compliance")
     stiffness = float(entry.values["k_a"])
     error = entry.standard_errors.get("k_a", 0.0) / stiffness**2
-    weights = np.zeros(1 + len(COMPLIANCE_LOW_PASSES))
+    weights = np.zeros(1 + len(COMPLIANCE_POLES_S))
     weights[0] = 1.0 / stiffness
     return Compliance(rate, weights, (1.0 / stiffness, error))

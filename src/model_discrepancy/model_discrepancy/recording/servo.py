@@ -1,7 +1,8 @@
 """The servo's response to its command and its compliance under load are estimated here.
 
-``position = H reference - C torque``: H is how the drive follows its command, C [rad/N.m] its
-compliance. Both are linear and are fitted to the recording itself by least squares. What the joint
+``position = H reference - C (torque + friction)``: H is how the drive follows its command, C
+[rad/N.m] its compliance, and friction that of its own bearings (`drive_mode`). All are fitted to
+the recording itself by least squares. What the joint
 does to the torque without any movement (voluntary torque, tremor, a reflex that varies) moves the
 plate by ``-C`` times itself, and therefore stands in the measured position. A fit that regresses
 torque on that position would explain such torque by the movement that it made (a closed loop, Ljung
@@ -12,12 +13,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from model_discrepancy.recording.compliance import (
-    COMPLIANCE_LOW_PASSES,
+    COMPLIANCE_POLES_S,
     STRETCHES,
     TORQUE_HZ,
     Compliance,
@@ -25,6 +27,7 @@ from model_discrepancy.recording.compliance import (
     low_passed,
     pick_up,
 )
+from model_discrepancy.recording.drive_mode import best_mode, friction_column
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.spectrum import Spectrum, signal_share
 
@@ -41,6 +44,7 @@ SLOW_POLES_S = (0.03, 0.1, 0.4, 1.5)
 _RIDGE = 1e-11
 # The filters start from rest and the rig did not.
 _SKIP_S = 1.2
+_SKIP_END_S = 0.5
 _FADE_S = 0.4
 # Of the torque's power, above which it acts: where its sensor's noise is more than a tenth of it,
 # that noise would be put into the movement, and a fit would find it there and in the torque.
@@ -63,7 +67,8 @@ class Servo:
     position
         What the command and the torque explain of the position [rad], shape (n,), about its mean.
     commanded
-        What the command alone explains of it, without a load [rad], shape (n,).
+        What the command and the drive's own friction explain of it, without a load [rad], shape
+        (n,).
     unexplained
         The rest of the position [rad], shape (n,), faded out at both ends: the encoder's noise,
         and what is not linear.
@@ -115,22 +120,35 @@ def identify_servo(recording: Recording, step: int) -> Servo | None:
         _thinned(signal, recording.rate, step)
         for signal in (recording.position, recording.torque, recording.reference)
     )
-    limit = _acting_limit(recording)
-    lines = pick_up(torque, rate)
-    giving = compliance_columns(torque, rate, limit, lines)
-    best: tuple[Servo, np.ndarray] | None = None
-    for between in sorted({max(1, round(lag * rate)) for lag in LAGS_S}, reverse=True):
-        following = _following_columns(command, rate, between)
-        servo = _fitted(x, following, giving, rate, limit, lines)
-        if servo is not None and (best is None or servo.information < best[0].information):
-            best = servo, following
-    if best is None:
+    limit, lines = _acting_limit(recording), pick_up(torque, rate)
+    load = Compliance(rate, np.zeros(1 + len(COMPLIANCE_POLES_S)), (0.0, 0.0), limit, lines)
+    lags = sorted({max(1, round(lag * rate)) for lag in LAGS_S}, reverse=True)
+    followings = [_following_columns(command, rate, between) for between in lags]
+    giving = partial(compliance_columns, torque, rate, limit, lines)
+    nothing = np.zeros((len(x), 0))
+    rough = _fitted(x, followings[0], nothing, giving(None), load)
+    if rough is None:
         return None
-    alone = _fitted(x, best[1], np.zeros((len(x), 0)), rate, limit, lines)
+    velocity = np.gradient(rough.commanded) * rate
+    inner = _inner(len(x), rate)
+    mode, turning = best_mode(x, followings[0], giving, velocity, rate, limit, inner)
+    loaded, load = giving(mode), replace(load, mode=mode)
+    friction = friction_column(velocity, turning, rate, mode)[:, None]
+    tried = [
+        (servo, following)
+        for following in followings
+        for dry in (nothing, friction)
+        for servo in [_fitted(x, following, dry, loaded, load)]
+        if servo is not None
+    ]
+    if not tried:
+        return None
+    best, following = min(tried, key=lambda one: one[0].information)
+    alone = _fitted(x, following, nothing, nothing, replace(load, mode=None))
     if alone is None or alone.share < _LEAST_COMMANDED:
         return None
     # A compliance that is not there would only carry the torque's noise into the position.
-    return best[0] if best[0].compliance.significant else alone
+    return best if best.compliance.significant else alone
 
 
 def _acting_limit(recording: Recording) -> float:
@@ -141,18 +159,35 @@ def _acting_limit(recording: Recording) -> float:
     return max(float(inside[-1]) if len(inside) else 0.0, _LOWEST_TORQUE_HZ)
 
 
+def _inner(samples: int, rate: float) -> np.ndarray:
+    """Return the samples that are fitted, bool, shape (n,)."""
+    inner = np.zeros(samples, dtype=bool)
+    inner[int(_SKIP_S * rate) : -int(_SKIP_END_S * rate)] = True
+    return inner
+
+
 def _fitted(
     x: np.ndarray,
     following: np.ndarray,
+    friction: np.ndarray,
     giving: np.ndarray,
-    rate: float,
-    limit: float,
-    lines: tuple[float, ...],
+    load: Compliance,
 ) -> Servo | None:
-    """Solve least squares with standard errors; None where the recording is too short for it."""
-    columns = np.column_stack([following, giving])
-    inner = np.zeros(len(x), dtype=bool)
-    inner[int(_SKIP_S * rate) : -int(0.5 * rate)] = True
+    """Solve least squares with standard errors; None where the recording is too short for it, or
+    friction would drive the plate.
+
+    Parameters
+    ----------
+    x
+        Position [rad], shape (n,).
+    following, friction, giving
+        What command, friction and load may make of it, of shapes (n, p), (n, 0 or 1) and (n, 0 or
+        4).
+    load
+        How the load acts; its weights are found.
+    """
+    columns = np.column_stack([following, friction, giving])
+    rate, inner = load.rate, _inner(len(x), load.rate)
     if inner.sum() < 4 * columns.shape[1]:
         return None
     scale = np.linalg.norm(columns[inner], axis=0)
@@ -161,7 +196,9 @@ def _fitted(
     grams = np.array([(columns[p] / scale).T @ (columns[p] / scale) for p in parts])
     rights = np.array([(columns[p] / scale).T @ x[p] for p in parts])
     weights = _solved(grams.sum(axis=0), rights.sum(axis=0)) / scale
-    count = following.shape[1]
+    count, drives = following.shape[1], following.shape[1] + friction.shape[1]
+    if np.any(weights[count:drives] > 0.0):
+        return None
     # The jackknife over stretches (Künsch 1989): each draw leaves one of them out.
     drawn = np.array(
         [
@@ -169,21 +206,22 @@ def _fitted(
             for g, r in zip(grams, rights, strict=True)
         ]
     )
-    at_rest = np.column_stack([drawn[:, :count].sum(axis=1), -drawn[:, count:].sum(axis=1)])
+    at_rest = np.column_stack([drawn[:, :count].sum(axis=1), -drawn[:, drives:].sum(axis=1)])
     spread = np.sqrt((STRETCHES - 1) * at_rest.var(axis=0))
     position = columns @ weights
+    compliance = load
+    if giving.shape[1]:
+        compliance = replace(
+            load,
+            weights=-weights[drives:],
+            at_rest=(float(-weights[drives:].sum()), float(spread[1])),
+        )
     return Servo(
         rate,
         position,
-        following @ weights[:count],
+        columns[:, :drives] @ weights[:drives],
         (x - position) * _fade(inner, rate),
-        Compliance(
-            rate,
-            -weights[count:] if giving.shape[1] else np.zeros(1 + len(COMPLIANCE_LOW_PASSES)),
-            (float(-weights[count:].sum()), float(spread[1])),
-            limit,
-            lines,
-        ),
+        compliance,
         (float(weights[:count].sum()), float(spread[0])),
         1.0 - float(np.var((x - position)[inner]) / np.var(x[inner])),
         columns.shape[1] / float(inner.sum()),
