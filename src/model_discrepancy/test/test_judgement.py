@@ -372,6 +372,8 @@ def test_what_only_several_inputs_predict_is_torque_that_moved_the_plate(
     nothing = found(1.0, effects=())
     expected = "no_mismatch" if leaked else "unexplained"
     assert judge(nothing, most, [], USUAL_VARIABILITY, LIKE_LEAKAGE)[0] == expected
+    much = replace(most, torque_share=0.027)
+    assert judge(nothing, much, [], USUAL_VARIABILITY, LIKE_LEAKAGE)[0] == expected
 
 
 def ended(labels):

@@ -56,7 +56,7 @@ UNKNOWN_LOOP_SENTENCE = (
 )
 LEAKED_SENTENCE = (
     "no quantity of the movement predicts that alone, only several that cancel the movement: it is "
-    "what torque did to the plate, of which the holds tell only roughly how it gives way, and no "
+    "what torque did to the plate, of which it is known only roughly how it gives way, and no "
     "sign of missing physics"
 )
 PLAIN_SENTENCE = (
