@@ -10,6 +10,8 @@ from ankle_physics.term import Owner, Parameter, Place, State, Term, Values
 # The same curve over a wider range of speeds is no dry friction: it is a damping that weakens with
 # speed (`saturating_damping`), whose range begins here.
 FASTEST_CHANGE = 0.05  # rad/s
+# A tenth of the velocity noise of the paper's encoder: what changes within less is not told apart.
+SLOWEST_CHANGE = 0.003  # rad/s
 # Half of the shortest edge of a movement that rigs make, 24 ms: friction that led by more would act
 # before the movement does.
 LONGEST_LEAD = 0.012  # s
@@ -50,7 +52,7 @@ class CoulombFriction(Term):
         Parameter(
             "v0",
             "rad/s",
-            0.003,
+            SLOWEST_CHANGE,
             FASTEST_CHANGE,
             0.03,
             "from a tenth of the velocity noise of the paper's encoder to a speed that most "

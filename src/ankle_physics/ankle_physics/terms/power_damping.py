@@ -8,7 +8,7 @@ import numpy as np
 
 from ankle_physics.signals import Signals
 from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
-from ankle_physics.terms.coulomb_friction import FASTEST_CHANGE
+from ankle_physics.terms.coulomb_friction import FASTEST_CHANGE, SLOWEST_CHANGE
 
 
 class PowerDamping(Term):
@@ -56,7 +56,7 @@ class PowerDamping(Term):
         Parameter(
             "v0",
             "rad/s",
-            0.003,
+            SLOWEST_CHANGE,
             FASTEST_CHANGE,
             0.03,
             "as friction, which is the power 0 (`coulomb_friction`)",

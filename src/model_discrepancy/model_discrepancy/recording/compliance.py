@@ -49,7 +49,7 @@ _LEAST_TOLD = 0.5
 # Reflexes of one shape tell a slow, ringing drive hardly from a fast one. What is left open so far
 # is not told apart, and a mode that is an octave from the usual has to leave a tenth less:
 # controllers are tuned to 20 to 60 Hz and a damping of 0.5 to 1.
-_OPEN, _FAR = 0.002, 0.1
+_UNDECIDED_SHARE, _COST_OF_OCTAVE = 0.002, 0.1
 _USUAL_MODE = np.log([35.0, 0.8])
 # Standard errors of the compliance at rest by which it must differ from zero, so that what torque
 # did to the plate can be taken out of the movement: to a twentieth.
@@ -271,9 +271,11 @@ def _held_mode(
     def left(point: np.ndarray) -> float:
         acting = compliance_columns(load, rate, TORQUE_HZ, lines, mode_at(point))[:, :1]
         offered = basis.T @ _held(acting, runs)[:, 0]
-        open_by_it = 1.0 - (offered @ wanted) ** 2 / ((offered @ offered) * (wanted @ wanted))
+        left_open = 1.0 - (offered @ wanted) ** 2 / ((offered @ offered) * (wanted @ wanted))
         octaves = (point - _USUAL_MODE) / np.log(2.0)
-        return float((max(open_by_it, 0.0) + _OPEN) * np.exp(_FAR * (octaves @ octaves)))
+        return float(
+            (max(left_open, 0.0) + _UNDECIDED_SHARE) * np.exp(_COST_OF_OCTAVE * (octaves @ octaves))
+        )
 
     return mode_at(least_point(left, STARTS))
 

@@ -3,8 +3,9 @@ friction.
 
 Under a torque T the plate of a drive of mass J, whose controller holds it by a stiffness K and a
 damping B, moves by ``-T / (J s² + B s + K)``. Dry friction of its bearings and gears loads it, too:
-by a torque that follows the direction of its movement. Where that is left out, the response to the
-load has to explain it, and was wrong by half and more above 10 Hz.
+by ``F tanh(v / v0)``, which follows the direction of its movement (Armstrong-Hélouvry, Dupont &
+Canudas de Wit 1994, Automatica 30, 1083). Where that is left out, the response to the load has to
+explain it, and is wrong by half and more above 10 Hz.
 """
 
 from __future__ import annotations
@@ -22,18 +23,21 @@ from model_discrepancy.recording.spectrum import Spectrum
 FREQUENCY_HZ = (5.0, 150.0)
 # Controllers are tuned to 0.5 to 1; the mass of a geared drive rings, a slow current loop damps.
 DAMPING = (0.1, 10.0)
-# Speed within which its friction changes its direction.
+# Speed v0 within which its friction changes its direction: from that of an encoder's noise to a
+# tenth of a fast movement's. A search begins between the two.
 TURNING_SPEED = (0.002, 0.1)  # rad/s
-_TURNING = 0.01
+_FIRST_TURNING_SPEED = 0.01  # rad/s
 # Logarithms of frequency and damping where a search may begin, by damping: a drive that rings and
 # one that creeps may both explain a position nearly as well.
 STARTS = [
     [np.log([frequency, damping]) for frequency in (8.0, 14.0, 24.0, 40.0, 70.0, 120.0)]
     for damping in (0.3, 0.8, 1.5, 4.0)
 ]
+# Of a search from one start; on recordings of another engine most ended after 16 to 46.
 _EVALUATIONS = 60
 # Below, a servo that settles slowly says more about itself than about its load.
 _LOWEST_HZ = 0.3
+# Edges of the recording in the frequency domain, long against the response of the drive.
 _TAPER_S = 0.5
 
 
@@ -147,7 +151,7 @@ def best_mode(
         found = np.linalg.lstsq(offered, wanted, rcond=1e-9)[0]
         return float(np.sum((wanted - offered @ found) ** 2))
 
-    turning = np.log(_TURNING)
+    turning = np.log(_FIRST_TURNING_SPEED)
     best = least_point(left, [[np.append(start, turning) for start in some] for some in STARTS])
     return mode_at(best), _turning_at(best)
 
@@ -170,7 +174,9 @@ def least_point(
 
 
 def _least_from(start: np.ndarray, left: Callable[[np.ndarray], float]) -> np.ndarray:
-    """Return the point at which a positive function is least, from one start on."""
+    """Return the point at which a positive function is least, from one start on (Nelder & Mead
+    1965, Computer J. 7, 308).
+    """
     # Beside a start, the function is smooth over a quarter of an octave.
     simplex = np.vstack([start, start + 0.25 * np.eye(len(start))])
     options = {"maxfev": _EVALUATIONS, "xatol": 0.02, "fatol": 1e-4, "initial_simplex": simplex}
