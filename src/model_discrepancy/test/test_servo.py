@@ -48,6 +48,23 @@ def test_a_servo_that_gives_way_is_measured(on_a_soft_servo):
     assert servo.following[0] == pytest.approx(1.0, abs=0.01)
 
 
+def test_it_is_measured_once_for_equal_signals_and_anew_for_others(on_a_soft_servo):
+    recording, _ = on_a_soft_servo
+    step = motion_step(recording)
+    servo = identify_servo(recording, step)
+    again = replace(recording, torque=recording.torque.copy(), name="again")
+    assert identify_servo(again, step) is servo
+    with pytest.raises(ValueError, match="read-only"):
+        servo.position[0] = 1.0
+    for changed in (
+        replace(recording, torque=1.01 * recording.torque),
+        replace(recording, position=1.01 * recording.position),
+        replace(recording, reference=1.01 * recording.reference),
+        replace(recording, rate=1.01 * recording.rate),
+    ):
+        assert identify_servo(changed, step) is not servo
+
+
 def test_a_rigid_servo_has_no_compliance():
     recording = simulate_trial({}, seed=12, duration=30.0, protocol="equal")
     recording = replace(recording, reference=recording.position)

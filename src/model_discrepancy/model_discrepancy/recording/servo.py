@@ -13,7 +13,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
+from hashlib import blake2b
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -91,6 +92,11 @@ class Servo:
     share: float
     uncertainty: float
 
+    def __post_init__(self) -> None:
+        # The result is shared by all who ask for the same recording's servo.
+        for series in (self.position, self.commanded, self.unexplained):
+            series.setflags(write=False)
+
     @property
     def information(self) -> float:
         """Return Schwarz's criterion per sample (1978, Ann. Statist. 6, 461), lower is better."""
@@ -115,12 +121,46 @@ def identify_servo(recording: Recording, step: int) -> Servo | None:
     """
     if recording.reference is None or np.std(recording.reference) == 0.0:
         return None
-    rate = recording.rate / step
-    x, torque, command = (
-        _thinned(signal, recording.rate, step)
-        for signal in (recording.position, recording.torque, recording.reference)
+    return _identified(
+        _Signals(recording.position, recording.torque, recording.reference, recording.rate, step)
     )
-    limit, lines = _acting_limit(recording), pick_up(torque, rate)
+
+
+class _Signals:
+    """Holds what a servo is identified from; equal where all of it is."""
+
+    def __init__(
+        self,
+        position: np.ndarray,
+        torque: np.ndarray,
+        command: np.ndarray,
+        rate: float,
+        step: int,
+    ) -> None:
+        self.position, self.torque, self.command = position, torque, command
+        self.rate, self.step = rate, step
+        digest = blake2b(repr((rate, step)).encode(), digest_size=16)
+        for signal in (position, torque, command):
+            digest.update(np.asarray(signal, dtype=float).tobytes())
+        self._digest = digest.digest()
+
+    def __hash__(self) -> int:
+        return hash(self._digest)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Signals) and self._digest == other._digest
+
+
+# A diagnosis prepares one recording with several models, and its servo stays the same; a set of
+# recordings is seldom larger.
+@lru_cache(maxsize=8)
+def _identified(signals: _Signals) -> Servo | None:
+    rate = signals.rate / signals.step
+    x, torque, command = (
+        _thinned(signal, signals.rate, signals.step)
+        for signal in (signals.position, signals.torque, signals.command)
+    )
+    limit, lines = _acting_limit(signals.torque, signals.rate), pick_up(torque, rate)
     load = Compliance(rate, np.zeros(1 + len(COMPLIANCE_POLES_S)), (0.0, 0.0), limit, lines)
     lags = sorted({max(1, round(lag * rate)) for lag in LAGS_S}, reverse=True)
     followings = [_following_columns(command, rate, between) for between in lags]
@@ -151,9 +191,9 @@ def identify_servo(recording: Recording, step: int) -> Servo | None:
     return best if best.compliance.significant else alone
 
 
-def _acting_limit(recording: Recording) -> float:
+def _acting_limit(torque: np.ndarray, rate: float) -> float:
     """Return the highest frequency [Hz] at which the torque is hardly noise, and acts."""
-    spectrum = Spectrum(recording.torque, recording.rate, 1)
+    spectrum = Spectrum(torque, rate, 1)
     clear = signal_share(spectrum.values, spectrum.frequency) > _ACTING_SHARE
     inside = spectrum.frequency[clear & (spectrum.frequency < TORQUE_HZ)]
     return max(float(inside[-1]) if len(inside) else 0.0, _LOWEST_TORQUE_HZ)
