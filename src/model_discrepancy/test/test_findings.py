@@ -139,6 +139,7 @@ def test_responses_that_vary_at_random_are_seen(equal_steps):
     found = found_in(replace(equal_steps, torque=equal_steps.torque + burst))
     assert found.variation > LEAST_VARIATION
     assert found.window[0] < 0.12
+    assert "from one movement to the next" in found.unusual[0]
 
 
 def test_a_wrong_gain_of_position_is_one_finding(equal_steps):

@@ -11,6 +11,7 @@ import pytest
 from ankle_physics.model import Model
 from ankle_physics.virtual_rig import simulate
 from model_discrepancy.criticism.variability import (
+    LEAST_VARIATION,
     USUAL_REFLEX_JITTER,
     USUAL_STIFFNESS_AFTER_MOVEMENTS,
     USUAL_STIFFNESS_VARIATION,
@@ -116,6 +117,24 @@ def test_responses_that_overlap_do_not_tell_which_stretch_differs():
     assert found.timing is None
     assert found.serial is None
     assert found.stiffness is None
+    assert found.unusual == []
+
+
+def test_what_varies_beyond_the_band_of_the_reflex_counts_with_its_own_size():
+    """A servo's mode rings with some hundredths of a newton metre after each movement, while the
+    reflex varies as it usually does.
+    """
+    usual = recording(protocol="pulse_step")
+    random = np.random.default_rng(4)
+    speed = np.abs(usual.velocity)
+    starts = np.flatnonzero((speed[1:] > 0.1) & (speed[:-1] <= 0.1))
+    ringing = np.zeros(len(usual.torque))
+    length = int(0.12 * usual.rate)
+    burst = np.sin(2.0 * np.pi * 60.0 * np.arange(length) / usual.rate)
+    for start in starts[starts < len(ringing) - length]:
+        ringing[start : start + length] = 0.06 * random.standard_normal() * burst
+    found = varies_in(replace(usual, torque=usual.torque + ringing))
+    assert found.variation > LEAST_VARIATION
     assert found.unusual == []
 
 
