@@ -99,7 +99,7 @@ def test_only_a_soft_servo_gives_way_so_far_that_it_matters(stiffness: float, mo
     problem = prepare(Recording(RATE, made.position, made.torque, name="servo"))
     assert problem.compliance is not None
     assert problem.compliance.significant
-    assert 1.0 / problem.compliance.at_rest[0] == pytest.approx(stiffness, rel=0.2)
+    assert 1.0 / problem.compliance.magnitude[0] == pytest.approx(stiffness, rel=0.2)
     assert problem.gives_way == moves
     # A rig's file tells the stiffness alone, and not how the servo answers at each frequency, which
     # a stiff one does not show.
@@ -110,7 +110,7 @@ def test_only_a_soft_servo_gives_way_so_far_that_it_matters(stiffness: float, mo
     )
     beside = prepare(Recording(RATE, made.position, made.torque, name="servo"), rig=known)
     by_file = pytest.approx(1.0 / (0.8 * stiffness))
-    by_holds = problem.compliance.at_rest[0]
-    assert beside.compliance.at_rest[0] == (by_holds if moves else by_file)
+    by_holds = problem.compliance.magnitude[0]
+    assert beside.compliance.magnitude[0] == (by_holds if moves else by_file)
     # The holds tell what torque did to the plate.
     assert not problem.in_a_loop

@@ -41,11 +41,24 @@ def on_a_soft_servo():
 def test_a_servo_that_gives_way_is_measured(on_a_soft_servo):
     recording, _ = on_a_soft_servo
     servo = identify_servo(recording, motion_step(recording))
-    value, error = servo.compliance.at_rest
+    value, error = servo.compliance.magnitude
     assert servo.compliance.significant
     assert value == pytest.approx(COMPLIANCE, rel=0.1)
     assert error < 0.05 * COMPLIANCE
     assert servo.following[0] == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_controller_with_an_integrator_gives_way_to_fast_torque_alone(on_a_soft_servo):
+    recording, _ = on_a_soft_servo
+    integrator = 0.5  # s
+    step = integrator * recording.rate
+    load = recording.torque - recording.torque.mean()
+    moved = -COMPLIANCE * lfilter([step, -step], [1.0 + step, -step], load)
+    integrating = replace(recording, position=recording.reference + moved)
+    servo = identify_servo(integrating, motion_step(integrating))
+    assert servo.compliance.significant
+    assert servo.compliance.magnitude[0] == pytest.approx(COMPLIANCE, rel=0.05)
+    assert np.sum(servo.compliance.weights) == pytest.approx(0.0, abs=0.2 * COMPLIANCE)
 
 
 def test_it_is_measured_once_for_equal_signals_and_anew_for_others(on_a_soft_servo):

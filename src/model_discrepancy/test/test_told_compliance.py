@@ -21,7 +21,7 @@ RATE = 512.0
 WEIGHTS = np.zeros(1 + len(COMPLIANCE_POLES_S))
 WEIGHTS[0] = 4e-4
 TOLD = Compliance(RATE, WEIGHTS, (4e-4, 1e-6), mode=DriveMode(40.0, 0.7))
-LESS_WELL = replace(TOLD, at_rest=(4e-4, 5e-6))
+LESS_WELL = replace(TOLD, magnitude=(4e-4, 5e-6))
 
 
 def recorded(reference):
@@ -54,7 +54,7 @@ def test_a_movement_without_rest_has_the_compliance_of_another_recording():
 
 
 def test_a_recording_whose_holds_tell_keeps_its_own(monkeypatch):
-    own = replace(TOLD, at_rest=(2e-4, 1e-6))
+    own = replace(TOLD, magnitude=(2e-4, 1e-6))
     monkeypatch.setattr("model_discrepancy.problem.held_compliance", lambda *_: own)
     held = recorded(PulseStep(Settings(rate=RATE)).next(round(20.0 * RATE)))
     assert prepare(held, compliance=TOLD).compliance is own

@@ -23,6 +23,9 @@ from model_discrepancy.recording.spectrum import Spectrum, low_pass
 # Poles of the slow part of the compliance [s]: an integrator, or what else settles. What is faster
 # is the drive's mode.
 COMPLIANCE_POLES_S = (0.05, 0.2, 1.0)
+# Reflexes, tremor and voluntary torque lie about this frequency, at which a compliance is stated. A
+# controller with an integrator does not give way at rest, and does there.
+STATED_HZ = 3.0
 # Torque acts on the plate from below this frequency [Hz]; what is faster the drive's mass holds.
 TORQUE_HZ = 60.0
 # Where the holds tell the compliance only roughly, it is that of slow torque: reflexes, tremor and
@@ -51,7 +54,7 @@ _LEAST_TOLD = 0.5
 # controllers are tuned to 20 to 60 Hz and a damping of 0.5 to 1.
 _UNDECIDED_SHARE, _COST_OF_OCTAVE = 0.002, 0.1
 _USUAL_MODE = np.log([35.0, 0.8])
-# Standard errors of the compliance at rest by which it must differ from zero, so that what torque
+# Standard errors of the stated compliance by which it must differ from zero, so that what torque
 # did to the plate can be taken out of the movement: to a twentieth.
 _PRECISE_ERRORS = 20.0
 # Stretches that the standard errors are taken from.
@@ -69,8 +72,9 @@ class Compliance:
     weights
         Of the direct path and of a low-pass with each of `COMPLIANCE_POLES_S` [rad/N.m], shape
         (4,).
-    at_rest
-        Their sum with its standard error [rad/N.m].
+    magnitude
+        Of the response to torque of `STATED_HZ`, before the drive's mass acts, with its standard
+        error [rad/N.m].
     limit
         Highest frequency at which torque acts on the plate [Hz].
     lines
@@ -81,15 +85,15 @@ class Compliance:
 
     rate: float
     weights: np.ndarray
-    at_rest: tuple[float, float]
+    magnitude: tuple[float, float]
     limit: float = TORQUE_HZ
     lines: tuple[float, ...] = ()
     mode: DriveMode | None = None
 
     @property
     def significant(self) -> bool:
-        """Tell whether it differs from zero by three standard errors and is positive."""
-        value, error = self.at_rest
+        """Tell whether its magnitude is positive by three standard errors."""
+        value, error = self.magnitude
         return value > 3.0 * error
 
     @property
@@ -97,18 +101,35 @@ class Compliance:
         """Tell whether it is known so well, at each frequency, that the movement that torque made
         can be taken out.
         """
-        value, error = self.at_rest
+        value, error = self.magnitude
         return self.mode is not None and value > _PRECISE_ERRORS * error
 
     def response(self, frequency: np.ndarray) -> np.ndarray:
         """Return the compliance at each frequency [Hz], complex [rad/N.m]."""
-        z = np.exp(-2j * np.pi * frequency / self.rate)
-        total = np.full(len(frequency), self.weights[0], dtype=complex)
-        for weight, pole in zip(self.weights[1:], COMPLIANCE_POLES_S, strict=True):
-            decay = np.exp(-1.0 / (self.rate * pole))
-            total += weight * (1.0 - decay) / (1.0 - decay * z)
+        total = _path_responses(frequency, self.rate) @ self.weights
         mode = 1.0 if self.mode is None else self.mode.response(frequency)
         return np.asarray(total * mode * _acting_gain(frequency, self.limit, self.lines))
+
+
+def _path_responses(frequency: np.ndarray, rate: float) -> np.ndarray:
+    """Return the response of each weighted path, complex, shape (frequencies, 4)."""
+    z = np.exp(-2j * np.pi * frequency / rate)
+    decays = [np.exp(-1.0 / (rate * pole)) for pole in COMPLIANCE_POLES_S]
+    slow = [(1.0 - decay) / (1.0 - decay * z) for decay in decays]
+    return np.column_stack([np.ones(len(frequency)), *slow])
+
+
+def stated_magnitude(weights: np.ndarray, rate: float) -> np.ndarray:
+    """Return what is stated of a compliance [rad/N.m], as `Compliance.magnitude`.
+
+    Parameters
+    ----------
+    weights
+        As `Compliance.weights`, shape (..., 4).
+    rate
+        Of the samples that it was fitted at [Hz].
+    """
+    return np.asarray(weights @ _path_responses(np.array([STATED_HZ]), rate)[0].real)
 
 
 def _acting_gain(frequency: np.ndarray, limit: float, lines: tuple[float, ...]) -> np.ndarray:

@@ -27,6 +27,7 @@ from model_discrepancy.recording.compliance import (
     compliance_columns,
     low_passed,
     pick_up,
+    stated_magnitude,
 )
 from model_discrepancy.recording.drive_mode import best_mode, friction_column
 from model_discrepancy.recording.recording import Recording
@@ -246,15 +247,17 @@ def _fitted(
             for g, r in zip(grams, rights, strict=True)
         ]
     )
-    at_rest = np.column_stack([drawn[:, :count].sum(axis=1), -drawn[:, drives:].sum(axis=1)])
-    spread = np.sqrt((STRETCHES - 1) * at_rest.var(axis=0))
+    spread = _spread(drawn[:, :count].sum(axis=1))
     position = columns @ weights
     compliance = load
     if giving.shape[1]:
         compliance = replace(
             load,
             weights=-weights[drives:],
-            at_rest=(float(-weights[drives:].sum()), float(spread[1])),
+            magnitude=(
+                float(stated_magnitude(-weights[drives:], rate)),
+                _spread(stated_magnitude(-drawn[:, drives:], rate)),
+            ),
         )
     return Servo(
         rate,
@@ -262,10 +265,15 @@ def _fitted(
         columns[:, :drives] @ weights[:drives],
         (x - position) * _fade(inner, rate),
         compliance,
-        (float(weights[:count].sum()), float(spread[0])),
+        (float(weights[:count].sum()), spread),
         1.0 - float(np.var((x - position)[inner]) / np.var(x[inner])),
         columns.shape[1] / float(inner.sum()),
     )
+
+
+def _spread(drawn: np.ndarray) -> float:
+    """Return the standard error of what was drawn by leaving out one stretch at a time."""
+    return float(np.sqrt((STRETCHES - 1) * drawn.var()))
 
 
 def _fade(inner: np.ndarray, rate: float) -> np.ndarray:

@@ -286,7 +286,7 @@ def _rig(problem: Problem) -> dict[str, Any]:
     if problem.servo is not None:
         found["position_per_command[1]"] = list(problem.servo.following)
     if problem.compliance is not None and problem.compliance.significant:
-        value, error = problem.compliance.at_rest
+        value, error = problem.compliance.magnitude
         found["servo_stiffness[N.m/rad]"] = [1.0 / value, error / value**2]
     return found
 

@@ -167,7 +167,7 @@ def _members(
     known = [compliance for compliance in told if compliance is not None]
     if not known:
         return members
-    best = min(known, key=lambda compliance: compliance.at_rest[1])
+    best = min(known, key=lambda compliance: compliance.magnitude[1])
     return [
         _member(r, rig, progress, fit, reading, best) if compliance is None else member
         for (r, fit, reading), member, compliance in zip(each, members, told, strict=True)
