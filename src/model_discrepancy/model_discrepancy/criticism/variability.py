@@ -10,27 +10,23 @@ does, are not explained.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.fft import irfft, rfft, rfftfreq
 from scipy.ndimage import maximum_filter1d
 from scipy.signal import welch
 
+from model_discrepancy.criticism.response_variation import (
+    LEAST_VARIATION,
+    response_variation,
+)
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import MATERIAL_SHARE, Fitter
 from model_discrepancy.fit.inertia_course import inertia_course
 from model_discrepancy.fit.reflex_variation import (
-    LEAST_ROWS,
-    REST_S,
     USUAL_REFLEX_VARIATION,
-    ReflexVariation,
-    moved_from_rest,
     reflex_variation,
-    since_movement,
 )
 from model_discrepancy.fit.rows import LOW_PASS_ORDER, Rows
 from model_discrepancy.fit.stiffness_variation import (
@@ -58,12 +54,6 @@ _SHOULDER_HZ = 1.0
 LEAST_LINE_SHARE = 1e-4
 # Width of a tremor's peak, and of the surroundings that it is compared with.
 _PEAK_HZ, _AROUND_HZ = 1.5, 5.0
-# After the plate's last movement: intrinsic torque, and the short-latency reflex. Its tail is not
-# judged, in which the reflex' own variation is not known well where responses overlap.
-WINDOWS_S = ((0.0, 0.04), (0.04, 0.12))
-# Whitened power after movements over that at rest, the reflex' variation taken out. Recordings
-# without mismatch: 0.94 to 1.9, and up to 3.5 where the reflex changes in the course of a response.
-LEAST_VARIATION = 4.0
 # A subject's reflex comes at the same time after every stretch: two human trials show 0.0 +- 1.5
 # and 0.0 +- 0.5 ms, simulated recordings without mismatch up to 0.8 ms.
 USUAL_REFLEX_JITTER = 0.004
@@ -83,13 +73,6 @@ USUAL_STIFFNESS_AFTER_MOVEMENTS = 0.12
 USUAL_INERTIA_DRIFT = 0.03
 # Standard errors of a correlation that chance does not reach in one of 700 recordings.
 _SERIAL_ERRORS = 3.0
-# Bands in which torque that varies is told from torque that does not, the lowest with all below it.
-# On a servo that gives way the whitened excess lay at 45 to 80 Hz, a hundredth of a newton metre.
-_OCTAVES = 5
-# Filters of an octave are longer than the windows, and mix them with the rest around them.
-LEAST_IN_OCTAVE = 0.5 * LEAST_VARIATION
-# Where rest is rarer than this, responses overlap and cannot be compared one by one.
-_LEAST_REST_SHARE = 0.15
 
 
 # A plate moves slower.
@@ -275,7 +258,7 @@ def variability(
     """
     tremor, line = _peaks(fitter, fit, float(np.var(torque)))
     reflex = reflex_variation(fitter, fit)
-    variation, window, share = _variation(fitter, fit, reflex)
+    variation, window, share = response_variation(fitter, fit, reflex)
     slow = fitter.rows.slow(fit.left, _SLOW_HZ)
     mean = (fit if base is None else base).values.get("stiffness", {"K": 0.0})["K"]
     return Variability(
@@ -356,55 +339,3 @@ def _products(fitter: Fitter) -> tuple[np.ndarray, ...]:
 
 def _highest(ratio: np.ndarray, frequency: np.ndarray, band: tuple[float, float]) -> int:
     return int(np.argmax(np.where((frequency >= band[0]) & (frequency <= band[1]), ratio, 0.0)))
-
-
-def _variation(
-    fitter: Fitter, fit: Fit, reflex: ReflexVariation
-) -> tuple[float, tuple[float, float], float]:
-    """Return `Variability.variation`, its `window`, and `varying_share`."""
-    rows = fitter.rows
-    since = since_movement(fitter)
-    squared = reflex.residual**2
-    rest = rows.used & (since > REST_S)
-    if rest.sum() < max(LEAST_ROWS, _LEAST_REST_SHARE * rows.used.sum()):
-        return float("nan"), WINDOWS_S[0], 0.0
-    level = float(np.mean(squared[rest]))
-    # Otherwise an earlier reflex, which varies, counts as this movement's response.
-    single = rows.used & moved_from_rest(fitter)
-    ratios = {
-        window: float(np.mean(squared[inside])) / level
-        for window in WINDOWS_S
-        if (inside := single & _within(since, window)).sum() >= LEAST_ROWS
-    }
-    if not ratios:
-        return float("nan"), WINDOWS_S[0], 0.0
-    largest = max(ratios, key=lambda window: ratios[window])
-    inside = single & _within(since, largest)
-    # The size of a whitened power says nothing of newton metres, and the reflex' own variation is
-    # most of the plain one: what varies counts where it does.
-    bands = zip(
-        _in_octaves(rows, reflex.residual),
-        _in_octaves(rows, fit.plain - reflex.torque),
-        strict=True,
-    )
-    excess = sum(
-        float(np.mean(plain[inside] ** 2) - np.mean(plain[rest] ** 2))
-        for whitened, plain in bands
-        if np.mean(whitened[inside] ** 2) > LEAST_IN_OCTAVE * np.mean(whitened[rest] ** 2)
-    )
-    share = (rows.used & _within(since, largest)).sum() / rows.used.sum()
-    variance = float(np.var(fitter.plain_target[rows.used]))
-    return ratios[largest], largest, excess * share / variance
-
-
-def _in_octaves(rows: Rows, series: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield what each of `_OCTAVES` bands below the limit holds of a series, shape (n,)."""
-    spectrum, frequency = rfft(series), rfftfreq(len(series), 1.0 / rows.rate)
-    edges = [0.0, *(rows.limit / 2.0**k for k in range(_OCTAVES - 1, -1, -1))]
-    for low, high in pairwise(edges):
-        inside = (frequency >= low) & (frequency < high)
-        yield irfft(np.where(inside, spectrum, 0.0), len(series))
-
-
-def _within(since: np.ndarray, window: tuple[float, float]) -> np.ndarray:
-    return (since >= window[0]) & (since < window[1])
